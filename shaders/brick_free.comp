@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists the bricks that lie in front of what the depth image sees, as a whole or in part: in each tile of the image that
-// a brick may cover, the farthest and the nearest measurement tell. Left out are those that are known to be free as a
-// whole, and those whose voxels were fused with this frame.
+// Lists bricks completely or partly in front of the depth image, from the farthest and the nearest measurement of each
+// image tile that a brick may cover. Skips bricks already known to be completely free, and bricks into which this frame
+// was integrated.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
@@ -16,16 +16,16 @@ layout(binding = 4, scalar) buffer Counts { FusionCounts counts; };
 layout(binding = 5, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; };
 layout(binding = 6, scalar) writeonly buffer PartBricks { ivec3 part_bricks[]; };
 
-const float kNearest = 0.02;  // metres: what is nearer to the camera is looked at voxel by voxel
-const uint kMostTiles = 64u;  // what covers more is, too
+const float kNearest = 0.02;  // meters; nearer space is tested per voxel
+const uint kMostTiles = 64u;  // bricks that cover more tiles are tested per voxel, too
 
 void main() {
   Pinhole camera = local(push.camera);
-  camera.cx += 0.5;  // a pixel begins half of one before its centre
+  camera.cx += 0.5;  // a pixel starts half a pixel before its center
   camera.cy += 0.5;
   Rigid camera_from_submap = local(push.camera_from_submap);
   VolumeView volume = local(push.volume);
-  // A layer has at most 2^20 bricks: a float holds their numbers.
+  // A layer has at most 2^20 bricks: a float represents their indices exactly.
   int index = int(gl_GlobalInvocationID.x), z = int(gl_WorkGroupID.y);
   int x_size = int(push.size & 1023u), y_size = int((push.size >> 10) & 1023u);
   int y = int((float(index) + 0.5) / float(x_size));
@@ -33,7 +33,7 @@ void main() {
   ivec3 brick = push.first + ivec3(index - y * x_size, y, z);
   if (!in_window(volume, brick) || counts.waiting != 0u) return;
 
-  // Up to the outermost voxels.
+  // Bounds of the voxel centers.
   float voxel = volume.voxel_size, margin = volume.truncation;
   vec3 centre = transform(camera_from_submap, (vec3(brick * 8) + 3.5) * voxel);
   vec3 extent = 3.5 * voxel * (abs(camera_from_submap.x) + abs(camera_from_submap.y) + abs(camera_from_submap.z));
@@ -55,12 +55,12 @@ void main() {
     bool turn = ++x == across.x;
     tile += turn ? columns + 1u - across.x : 1u;
     if (turn) x = 0u;
-    if (most > near + margin && least <= far + margin) n = 1u;  // in part
+    if (most > near + margin && least <= far + margin) n = 1u;  // partly free
   }
   if (!may_be_free || most <= near + margin) return;
   if (least > far + margin && near > kNearest && tiles.is_whole) {
     uint place = atomicAdd(counts.free, 1u);
-    if (place < free_bricks.length()) free_bricks[place] = brick;  // or another time
+    if (place < free_bricks.length()) free_bricks[place] = brick;  // else found by a later pass
     return;
   }
   uint place = atomicAdd(counts.free_in_part, 1u);

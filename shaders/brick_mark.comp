@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists the bricks that the truncation bands of a grid of measurements need and that have no slot yet, and gives them
-// slots as long as there are vacant ones. Which brick gets which is up to the order of the threads, and nothing depends
-// on it.
+// Lists the bricks without a slot in the truncation bands of a grid of measurements, and assigns vacant slots to them.
+// The assignment depends on the thread order; results do not depend on it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -25,7 +24,7 @@ void main() {
   VolumeView volume = local(push.volume);
   vec3 ray = rotate(push.submap_from_camera, ray_through(push.camera, vec2(pixel))), from = push.submap_from_camera.t;
   float band = volume.truncation, inverse_voxel = 1.0 / volume.voxel_size;
-  // Steps of half a brick, one of them on the surface: a ray misses bricks only where it cuts a corner of theirs.
+  // Steps of at most half a brick, with a sample on the surface: a ray misses a brick only if it cuts its corner.
   int steps = int(ceil(band * 0.25 * inverse_voxel - 0.01));
   float step_z = band / float(steps);
   for (int k = -steps; k <= steps; ++k) {
@@ -40,7 +39,7 @@ void main() {
     bool has_slot = entry == 0u && place < push.vacant;
     if (!has_slot) atomicAdd(counts.waiting, 1u);
     if (place >= push.capacity) {
-      page_table[at] = entry;  // the next pass lists it
+      page_table[at] = entry;  // left to the next pass
       continue;
     }
     atomicAdd(counts.placed.x, 1u);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Gives bricks their slots, with empty voxels, or takes them away, and tells of those without one. One workgroup a brick.
+// Assigns slots with empty voxels to bricks, removes slots, or updates the table entries of bricks without a slot. One
+// workgroup per brick.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"

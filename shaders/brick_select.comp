@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Lists the bricks that are in view and not behind what the depth image sees. None while one that the frame needs waits.
+// Lists the bricks in view and not behind the depth image. Lists none while a brick needed by the frame waits for the
+// host.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
@@ -17,7 +18,7 @@ void main() {
   SlotState state = slots[slot];
   if (state.used == 0u) return;
   vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
-  // Half the extent of the turned brick along the camera's axes, up to the outermost voxels.
+  // Half extent of the rotated brick along the camera axes, up to the outermost voxel centers.
   float half_brick = 0.4375 * push.brick_size;
   vec3 extent = half_brick * (abs(inverse_rotate(push.submap_from_camera, vec3(1, 0, 0))) +
                               abs(inverse_rotate(push.submap_from_camera, vec3(0, 1, 0))) +
@@ -31,7 +32,7 @@ void main() {
   uvec2 first = tiles.first, last = tiles.last;
   uint columns = tiles_along(push.camera.width);
   float seen = 0.0;
-  // One loop: lanes with small bricks do not wait for the widest row of each.
+  // Single loop: lanes with small bricks need not wait for the widest row.
   uint across = last.x - first.x + 1u, count = across * (last.y - first.y + 1u);
   uint tile = first.y * columns + first.x, x = 0u;
   for (uint n = 0u; n < count; ++n) {

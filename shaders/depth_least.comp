@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The nearest measurement of each 2x2 pixels of a depth image, 0 where one of them has none. At an odd border the last
-// pixel counts twice.
+// Nearest measurement of each block of 2x2 pixels of a depth image, 0 if any of them is missing. At an odd border the
+// last pixel is counted twice.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"

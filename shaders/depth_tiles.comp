@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The farthest measurement of each tile of a depth image, 0 where it has none, and the nearest, 0 where one is missing.
+// Farthest measurement of each tile of a depth image, 0 if the tile is empty, and nearest measurement, 0 if any is
+// missing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -19,7 +20,7 @@ void main() {
   uint y0 = (i / columns) * kTile;
   float most = 0.0, least = 1e9;
   for (uint y = y0; y < min(y0 + kTile, push.height); ++y)
-    for (int k = 0; k < int(kTile); ++k) {  // of fixed length, so that it unrolls; a border's tile sees its last pixel again
+    for (int k = 0; k < int(kTile); ++k) {  // fixed length, for unrolling; border tiles repeat the last pixel
       float z = uintBitsToFloat(fetch(fusion, int(y * push.width) + min(x0 + k, last)).x);
       most = max(most, z);
       least = min(least, z);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The distance field on the device. A block is 16x16x16 voxels; voxel (x, y, z) of slot s has the address
-// s << 12 | x << 8 | y << 4 | z. A page table finds the slot of a block; it wraps around, so that the map may lie
-// anywhere as long as it is smaller than the table. Every voxel holds
-//   nearest   the voxel whose site is the nearest one: squared distance (float bits) << 32 | address
-//   surface   its own site, if the surface passes it, and what is known about it; see kHasSurface and below
-// At a site the surface is a plane, perpendicular to the normal and at height * normal from the voxel's centre. Lengths
+// Distance field on the device. A block is 16x16x16 voxels; voxel (x, y, z) of slot s has the address s << 12 | x << 8
+// | y << 4 | z. A page table maps blocks to slots; it wraps around, so the map may be anywhere as long as it is smaller
+// than the table. Each voxel stores
+//   nearest   address of the nearest site's voxel: squared distance (float bits) << 32 | address
+//   surface   its own site, if the surface crosses the voxel, and its state; see kHasSurface and below
+// At a site the surface is a plane, perpendicular to the normal, at height * normal from the voxel center. Lengths are
 // in voxels.
 #ifndef CAIRN_ESDF_H
 #define CAIRN_ESDF_H
@@ -15,35 +15,35 @@ namespace cairn::shader {
 #endif
 
 const uint kEsdfSide = 16;       // voxels
-const uint kEsdfVoxels = 4096;   // a block
-// A block to check is its slot << kBlockFlags, with what is asked of it.
+const uint kEsdfVoxels = 4096;   // per block
+// A block to check is encoded as slot << kBlockFlags | flags.
 const uint kBlockIsNew = 1u;
 const uint kBlockRestart = 2u;
 const uint kBlockFlags = 2;
-const uint kEsdfReach = 512;     // blocks from the world's origin
+const uint kEsdfReach = 512;     // blocks from the world origin
 
-const uint kSiteBits = 0x0fffffffu;  // height and normal of its own site, with
+const uint kSiteBits = 0x0fffffffu;  // height and normal of the voxel's own site, including
 const uint kHasSurface = 1u << 27;
-const uint kChanged = 1u << 28;  // its site came, went or moved in this update
-const uint kQueued = 1u << 29;   // it waits in the list
+const uint kChanged = 1u << 28;  // its site was added, removed or moved in this update
+const uint kQueued = 1u << 29;   // in the current list
 const uint kStateShift = 30;     // two bits:
 const uint kUnknown = 0;
 const uint kOutside = 1;
 const uint kInside = 2;
 
 struct EsdfView {
-  uvec2 nearest;      // device addresses, by voxel
+  uvec2 nearest;      // device addresses; by voxel
   uvec2 surface;
   uvec2 blocks;       // packed block coordinates by slot
   uvec2 table;        // slot + 1 by block, or 0
-  uvec2 counts;       // EsdfCount by step of the wave
-  uint table_bits;    // the table has 2^table_bits blocks a side
-  float max_squared;  // no voxel looks farther
-  uint max_groups;    // of one dispatch
+  uvec2 counts;       // EsdfCount by wave step
+  uint table_bits;    // the table has 2^table_bits blocks per side
+  float max_squared;  // squared maximum distance
+  uint max_groups;    // per dispatch
 };
 
-// A list of voxels and the dispatch that works on it: 64 of them a group, and several times where it is longer than a
-// dispatch may be.
+// Size of a voxel list and its dispatch: 64 voxels per group; each group loops if the list exceeds the largest
+// dispatch.
 struct EsdfCount {
   uint groups;
   uint one_y;
@@ -53,16 +53,16 @@ struct EsdfCount {
 
 struct EsdfEntry {
   uint voxel;  // address
-  uint site;   // what it was offered in the step before; kNoSite: nothing, or not the nearest
+  uint site;   // site offered in the previous step; kNoSite: none, or not the nearest
 };
 
 const uint kNoSite = 0xffffffffu;
 
-// A brick of the TSDF whose voxels changed.
+// A TSDF brick with changed voxels.
 struct EsdfJob {
   ivec3 brick;
-  uint slot;   // of its voxels; kNoSlot: it has none
-  uint free;   // which of the lists of bits tells what was seen to be free; a list is kFreeWords words
+  uint slot;   // slot of its voxels; kNoSlot: no voxels
+  uint free;   // index of its list of free bits; a list has kFreeWords words
 };
 const uint kNoneFree = 0;
 const uint kAllFree = 1;
@@ -70,12 +70,12 @@ const uint kFreeWords = 16;
 
 struct EsdfSitesPush {
   EsdfView field;
-  uvec2 voxels;         // the TSDF's
-  uint jobs;            // a workgroup does 512 voxels of the field
-  uint scale_bits;      // 2^scale_bits TSDF voxels a voxel of the field: 1, 2, 4 or 8
-  float min_weight;     // of TSDF voxels that make surface
-  float slope;          // of the TSDF at a surface: truncations a TSDF voxel
-  float tolerance;      // sites that moved less stay where they are
+  uvec2 voxels;         // TSDF voxels
+  uint jobs;            // bricks; a workgroup processes 512 field voxels
+  uint scale_bits;      // 2^scale_bits TSDF voxels per field voxel: 1, 2, 4 or 8
+  float min_weight;     // minimum weight of TSDF voxels that define a surface
+  float slope;          // slope of the TSDF at a surface: truncations per TSDF voxel
+  float tolerance;      // sites that moved less keep their position
   uint capacity;        // of the list
 };
 
@@ -87,18 +87,18 @@ struct EsdfCheckPush {
 
 struct EsdfWavePush {
   EsdfView field;
-  uvec2 list;         // device address of the list it works on
-  uint step;        // of the counts: works on list `step`, appends to list `step + 1`
+  uvec2 list;         // device address of the input list
+  uint step;        // reads list `step`, appends to list `step + 1`
   uint capacity;    // of a list
-  uint is_settled;  // esdf_settle came before
+  uint is_settled;  // true after esdf_settle
 };
 
-// A box of cells, one a voxel, with z fastest.
+// Box of cells, one per voxel, z fastest.
 struct EsdfBoxPush {
   EsdfView field;
   ivec3 first;  // voxel
   ivec3 size;
-  ivec3 low;    // voxels from here on, up to `high`, take what was found
+  ivec3 low;    // output range of voxels, from `low` to `high` (exclusive)
   ivec3 high;
   uint blocks;
   uint capacity;  // of the list
@@ -106,35 +106,35 @@ struct EsdfBoxPush {
 
 struct EsdfLinesPush {
   EsdfView field;
-  ivec3 first;  // of the box
+  ivec3 first;  // first voxel of the box
   ivec3 size;
-  uint axis;    // of the lines
-  uint row;     // the lines of `rows` layers across x; across y for those along x
+  uint axis;    // direction of the lines
+  uint row;     // the lines of `rows` layers across x; across y for lines along x
   uint rows;
 };
 
-// A site as its line sees it.
+// A site relative to a line.
 struct Parabola {
   uint site;    // address
-  float start;  // of the part of the line to which it is the nearest; -1 of the first
-  float at;     // on the line, voxels
+  float start;  // start of the line segment closest to this site; -1 for the first site
+  float at;     // coordinate along the line, voxels
   float over;   // squared distance from the line
 };
 
 struct EsdfDistancePush {
   EsdfView field;
-  float voxel_size;    // metres
-  float max_distance;  // metres
+  float voxel_size;    // meters
+  float max_distance;  // meters
   uint blocks;
 };
 
 #ifdef __cplusplus
 }  // namespace cairn::shader
 #else
-// A CPU device computes both sides of every `if` for all lanes. What few voxels need is therefore done in two loops: the
-// first one marks in bits what is to be done, the second one runs over these bits.
-// What is read at places that each thread computes comes as texels (shaders/fetch.h), or by address where the field has
-// more voxels than the device has texels. Of what a kernel also writes a texel may be as it was when the kernel began.
+// A CPU device evaluates both sides of each `if` for all lanes. Rare work is therefore done in two loops: the first
+// sets bits for the work, the second iterates over the set bits.
+// Data with per-thread addresses is read as texels (shaders/fetch.h), or by address if the field exceeds the texel
+// limit of the device. A texel of a buffer that the kernel also writes may have its value from the kernel's start.
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
 #include "shaders/pool.h"
@@ -143,7 +143,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Pairs { uvec
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint v[]; };
 layout(constant_id = 0) const float kFieldInTexels = 1.0;
 
-EsdfView field;  // main() fills it with local(push.field)
+EsdfView field;  // set by main() to local(push.field)
 EsdfView local(EsdfView f) {  // see types.h
   return EsdfView(f.nearest, f.surface, f.blocks, f.table, f.counts, f.table_bits, f.max_squared, f.max_groups);
 }
@@ -158,7 +158,7 @@ uint surface_at(itextureBuffer surface, uint address) {
 }
 
 const uint kNoVoxel = 0xffffffffu;
-// Of a voxel that knows no site: both words. Lists and addresses say kNoVoxel.
+// True for a voxel without a site: both words are kNoVoxel. Lists and addresses also use kNoVoxel.
 bool is_far(uvec2 nearest) { return nearest.x == kNoVoxel; }
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Counts { EsdfCount v[]; };
@@ -167,7 +167,7 @@ bool is_in_box(ivec3 cell, ivec3 size) { return all(greaterThanEqual(cell, ivec3
 uint cell_index(ivec3 cell, ivec3 size) { return uint((cell.x * size.y + cell.y) * size.z + cell.z); }
 ivec3 face_of(int i) { int s = 1 - 2 * (i & 1), a = i >> 1; return ivec3(a == 0 ? s : 0, a == 1 ? s : 0, a == 2 ? s : 0); }
 
-// Places in the list of a step; returns the first.
+// Reserves places in the list of a step; returns the first.
 uint append(uint step, uint places) {
   Counts counts = Counts(field.counts);
   uint first = atomicAdd(counts.v[step].count, places);
@@ -188,8 +188,8 @@ uint address_of(itextureBuffer table, ivec3 voxel) {
   return entry == 0u ? kNoVoxel : ((entry - 1u) << 12) | (v.x << 8) | (v.y << 4) | v.z;
 }
 
-// Sites: height in 9 bits, normal in 18 (octahedral, as pack_normal).
-const float kHeightUnits = 255.0;  // a voxel
+// Site encoding: height in 9 bits, normal in 18 (octahedral, like pack_normal).
+const float kHeightUnits = 255.0;  // per voxel
 uint pack_site(float height, vec3 n) {
   n /= abs(n.x) + abs(n.y) + abs(n.z);
   vec2 e = n.z >= 0.0 ? n.xy : (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);
@@ -205,23 +205,24 @@ vec3 site_normal(uint word) {
   return normalize(n);
 }
 float site_height(uint word) { return float(int(word & 511u) - 256) * (1.0 / kHeightUnits); }
-vec3 site_point(uint word) { return site_height(word) * site_normal(word); }  // from its voxel's centre
+vec3 site_point(uint word) { return site_height(word) * site_normal(word); }  // relative to the center of its voxel
 
-// The steps to a voxel's neighbours, and to itself, numbered by 9 x + 3 y + z from (-1, -1, -1).
+// Offset to neighbor `number` = 9 x + 3 y + z from (-1, -1, -1), including the voxel itself.
 ivec3 step_of(int number) {
   int x = (number * 57) >> 9, r = number - 9 * x, y = (r * 11) >> 5;  // divisions by 9 and 3
   return ivec3(x, y, r - 3 * y) - 1;
 }
 
-// Of a voxel that lies `away` from the site's voxel: the same bits wherever it is asked for, since which of two sites
-// is nearer must not depend on who asks. Of sites equally far the one at the lower address counts as the nearer.
+// Squared distance between a voxel at `away` from the site's voxel and the site. `precise`: equal bits in every kernel,
+// since the order of two sites must not depend on the caller. At equal distances, the site with the lower address is
+// the nearer.
 uint squared_bits(ivec3 away, vec3 point) {
   precise vec3 q = vec3(away) - point;
   precise float squared = q.x * q.x + q.y * q.y + q.z * q.z;
   return floatBitsToUint(squared);
 }
 uvec2 candidate(ivec3 away, vec3 point, uint site) { return uvec2(site, squared_bits(away, point)); }
-// Of two that a voxel may know: 64 bits with the distance above, as atomicMin compares them.
+// Compares two candidates as atomicMin does: 64 bits, with the distance in the upper half.
 bool is_nearer(uvec2 a, uvec2 b) { return a.y < b.y || (a.y == b.y && a.x < b.x); }
 #endif
 #endif

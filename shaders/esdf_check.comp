@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Looks through blocks for voxels whose nearest site has gone or moved, and for the border of new blocks. These have to
-// ask their neighbours. Or starts again: voxels know their own sites alone. One workgroup a block.
+// Finds voxels of blocks whose nearest site was removed or moved, and border voxels of new blocks, and lists them to
+// query their neighbors. On restart, resets all voxels to their own sites. One workgroup per block.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Signed distances in metres from what the voxels know; NaN where nothing was observed. One workgroup a block.
+// Signed distances in meters from the nearest sites; NaN if unobserved. One workgroup per block.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
@@ -13,7 +13,7 @@ PAIRS(2, nearest);
 WORDS(3, surface);
 WORDS(4, places);
 
-const float kPlane = 0.75;  // voxels: so far around a site its plane is the surface
+const float kPlane = 0.75;  // voxels; within this radius around a site, its plane represents the surface
 
 void main() {
   if (group_index() >= push.blocks) return;

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One axis of the separable distance transform: the lower envelope of parabolas along each line of a box (Felzenszwalb &
-// Huttenlocher 2012, with sites as in Cao et al. 2010). A site's parabola stands where the site is, not at its voxel's
-// centre; a site that another one of its line beats there may be the nearer one elsewhere, by less than a voxel's side:
-// esdf_nearest looks at neighbours for that. One thread a line.
+// One axis of the separable distance transform: the lower envelope of parabolas along each line of a box (Felzenszwalb
+// & Huttenlocher 2012, with sites as in Cao et al. 2010). The parabola of a site is centered at the site, not at its
+// voxel's center. A site hidden by another site of its line may still be nearer elsewhere, by less than a voxel:
+// esdf_nearest therefore checks neighbors. One thread per line.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { EsdfLinesPush push; };
-WORDS(0, from);                                               // addresses of sites
-layout(binding = 1, scalar) writeonly buffer To { uint to[]; };  // the nearest of those on the line
+WORDS(0, from);                                               // site addresses
+layout(binding = 1, scalar) writeonly buffer To { uint to[]; };  // nearest site on the line
 layout(binding = 2, scalar) buffer Stack { Parabola stack[]; };
 WORDS(3, surface);
 WORDS(4, places);
 
-const float kSamePlace = 1e-3;  // voxels; sites that come in another order than their voxels count as one place, too
+const float kSamePlace = 1e-3;  // voxels; sites ordered differently from their voxels also count as coincident
 
 void main() {
   field = local(push.field);

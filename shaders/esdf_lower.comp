@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One step of the wave: the voxels of a list offer their nearest site to the neighbours that lie away from it; those
-// for which it is nearer than what they knew make the next list (vector propagation: Danielsson 1980).
+// One step of the wave: the voxels of a list offer their nearest site to the neighbors on the far side. Neighbors for
+// which this site is nearer than their current site form the next list (vector propagation: Danielsson 1980).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
@@ -16,8 +16,8 @@ WORDS(5, places);
 WORDS(6, table);
 WORDS(7, dirty_blocks);
 
-const float kNear = 1.5;    // voxels: closer to the site than this it is offered to all neighbours
-const float kAside = 0.1;   // an axis along which it lies less far than this share is looked at on both sides
+const float kNear = 1.5;    // voxels; closer to the site, all neighbors get the offer
+const float kAside = 0.1;   // share of the largest component; along axes with less, both sides get the offer
 
 void offer(uint from, uint site, bool is_settled, uint step, uint capacity) {
   if (site == kNoSite) return;
@@ -44,8 +44,8 @@ void offer(uint from, uint site, bool is_settled, uint step, uint capacity) {
     at.x += (at.y | at.z) == 0 ? 1 : 0;
     uint squared = squared_bits(away + e, point), neighbour = address_of(table, voxel + e);
     uvec2 theirs = nearest_at(nearest, neighbour != kNoVoxel ? neighbour : from);
-    // What lies as far as theirs is offered, too: theirs may have come in this very step, and then the order of the
-    // threads must not decide between the two.
+    // Sites at equal distance are offered, too: the neighbor's site may have arrived in this step, and the thread order
+    // must not decide between the two.
     bool may_be_nearer = neighbour != kNoVoxel && theirs.x != site && squared <= theirs.y && squared < most_squared;
     bits |= may_be_nearer ? 1u << (9 * e.x + 3 * e.y + e.z + 13) : 0u;
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Ends the separable transform: each voxel of a block takes the nearest of the sites that esdf_lines found for its cell
-// of the box and for the cells beside it. One workgroup a block.
+// Last step of the separable transform: each voxel of a block selects the nearest of the sites that esdf_lines found
+// for its cell of the box and the adjacent cells. One workgroup per block.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Puts the sites of blocks into a dense box, for esdf_lines. One workgroup a block.
+// Writes the sites of blocks into a dense box, for esdf_lines. One workgroup per block.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { EsdfBoxPush push; };
 layout(binding = 0, scalar) readonly buffer Blocks { uint blocks[]; };  // slots
-layout(binding = 1, scalar) writeonly buffer Cells { uint cells[]; };   // addresses of sites; kNoVoxel where there is none
+layout(binding = 1, scalar) writeonly buffer Cells { uint cells[]; };   // site addresses; kNoVoxel: no site
 WORDS(2, surface);
 WORDS(3, places);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Ends a list: notes what its voxels know now, so that the next step does not depend on the order of its threads. The
-// first list's voxels stop waiting.
+// Finishes a list: stores the current sites of its voxels, so that the next step does not depend on the thread order.
+// Clears the queue flags of the first list.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
@@ -18,9 +18,10 @@ void settle(uint i, uint step) {
     Words(field.surface).v[entry.voxel] &= ~(kQueued | kChanged);
     list[i].site = site;
   }
-  // Of several sites that were offered to a voxel in one step the nearest one goes on.
+  // If several sites were offered to a voxel in one step, only the nearest propagates.
   if (step != 0u && site != entry.site) list[i].site = kNoSite;
-  if (dirty[entry.voxel >> 12] == 0u) dirty[entry.voxel >> 12] = 1u;  // two cores that write to one word wait
+  if (dirty[entry.voxel >> 12] == 0u) dirty[entry.voxel >> 12] = 1u;  // avoids contention between cores that write to
+                                                                      // the same word
 }
 
 void main() {

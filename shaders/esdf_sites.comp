@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// From bricks of the TSDF to sites and states. In each cell of 2x2x2 TSDF voxels the plane that fits the eight distances
-// says where the surface passes; of several cells in one voxel of the field the one counts whose surface passes nearest
-// to the voxel's centre.
+// Computes sites and states from TSDF bricks. In each cell of 2x2x2 TSDF voxels, a plane fitted to the eight distances
+// locates the surface. If several cells of a field voxel have a surface, the plane closest to the voxel's center is
+// used.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"
@@ -11,29 +11,29 @@ layout(push_constant, scalar) uniform Push { EsdfSitesPush push; };
 layout(binding = 0, scalar) readonly buffer Jobs { EsdfJob jobs[]; };
 layout(binding = 1, scalar) writeonly buffer List { EsdfEntry list[]; };
 layout(binding = 2, scalar) writeonly buffer Dirty { uint dirty[]; };
-layout(binding = 3, scalar) buffer Removed { uint removed; };  // sites that went or moved
+layout(binding = 3, scalar) buffer Removed { uint removed; };  // number of removed or moved sites
 WORDS(4, surface);
 WORDS(5, table);
 POOL(6);
 WORDS(7, free_bits);
 
-EsdfSitesPush parameters;  // but for `field`
+EsdfSitesPush parameters;  // without `field`
 
 uint tsdf_word(uint i) { return voxel_in(parameters.voxels, i).x; }
 
-const float kSlack = 1.25;  // a site stays until the surface is so much farther than where one would come
+const float kSlack = 1.25;  // hysteresis: factor on the maximum surface distance for an existing site
 const float kMargin = 0.02;  // voxels
-const float kSteep = 1.5;    // times the slope of a surface seen straight on
-const float kNearSurface = 0.7;  // truncations: a cell that the surface passes has a corner that is as near
+const float kSteep = 1.5;    // times the slope of a surface seen frontally
+const float kNearSurface = 0.7;  // truncations; a cell crossed by the surface has a corner this close
 
-// The words of a cell's corners, 000, 001, 010, 011, and 100 to 111. What was seen to be free and never observed is
-// kFreeWord: it has no weight, and makes no surface. 0: nothing is known.
+// Words of a cell's corners: 000, 001, 010, 011, and 100 to 111. Free but never observed voxels are kFreeWord, which
+// has no weight and defines no surface. 0: unknown.
 const uint kFreeWord = 0x7fffu;
 struct Corners {
   uvec4 a, b;
 };
 Corners corners_of(EsdfJob job, ivec3 low) {
-  // A column of two corners along z after the other, of those that have free voxels.
+  // Free bits, for columns of two corners along z.
   uint bits = 0u, first = job.free * kFreeWords;
   for (int k = 0; k < (job.free != kNoneFree ? 4 : 0); ++k) {
     int x = low.x + (k >> 1), y = low.y + (k & 1);
@@ -48,13 +48,12 @@ Corners corners_of(EsdfJob job, ivec3 low) {
 }
 bool is_known(Corners c) { return all(notEqual(c.a, uvec4(0u))) && all(notEqual(c.b, uvec4(0u))); }
 
-// What a voxel of the field is made of: the new word of `surface`. `shifts` 2: cells that begin one TSDF voxel earlier are
-// looked at, too.
+// New word of `surface` for a voxel of the field. `shifts` 2: also evaluates cells shifted by one TSDF voxel.
 uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   int scale_voxels = 1 << parameters.scale_bits, cell_bits = max(0, int(parameters.scale_bits) - 1), cells = 1 << (3 * cell_bits);
   bool is_finest = scale_voxels == 1;
   float scale = float(scale_voxels);
-  // In TSDF voxels: the centre of the voxel of the field, and how far from a cell's own centre its part of it reaches.
+  // In TSDF voxels: the center of the field voxel, and the half size of its part covered by a cell.
   vec3 centre = vec3(at) * scale + 0.5 * (scale - 1.0);
   float reach = min(scale, 2.0) * 0.5 * ((old & kHasSurface) != 0u ? kSlack : 1.0);
   float best = 1e9, height = 0.0, sum = 0.0;
@@ -74,12 +73,12 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
     vec3 gradient = 0.25 * vec3(dot(b - a, vec4(1.0)), s.z + s.w - s.x - s.y, s.y + s.w - s.x - s.z);
     float slope = length(gradient), inverse = 1.0 / max(slope, 1e-6);
     float mean = 0.125 * dot(s, vec4(1.0));
-    // Where the plane passes along the normal: from the middle of this cell's part of the voxel, and from its centre.
+    // Plane distance along the normal: at the center of this cell's part of the voxel, and at the voxel center.
     vec3 middle = vec3(low) + 0.5, part = is_finest ? vec3(at) : vec3(own) + 0.5;
     float at_part = mean + dot(gradient, part - middle), at_centre = mean + dot(gradient, centre - middle);
     float away = abs(at_centre * inverse);
-    // A plane may pass beyond the corners, in the gap to the next cell. At the finest scale there are no gaps, but at
-    // bricks' borders, and steps from one thing to what lies behind it must not be extended.
+    // A plane may pass outside the corners, in the gap to the next cell. At the finest scale there are no gaps except
+    // at brick borders, and depth discontinuities must not be extended.
     vec4 smallest = min(a, b), largest = max(a, b);
     bool is_crossed = min(min(smallest.x, smallest.y), min(smallest.z, smallest.w)) < 0.0 &&
                       max(max(largest.x, largest.y), max(largest.z, largest.w)) >= 0.0;
@@ -104,8 +103,9 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   return word;
 }
 
-// Whether the surface may pass a voxel: some corner of its cells is near to it, or was not observed beside others that
-// were. `is_cut`: it may pass between its cells and the ones before them. `state` as surface_of finds it.
+// Conservative test for a surface in a voxel: true if a corner of its cells is near the surface, or unobserved next to
+// observed corners. `is_cut`: the surface may pass between its cells and the preceding cells. `state`: as in
+// surface_of.
 bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
   int scale_voxels = 1 << parameters.scale_bits, cell_bits = max(0, int(parameters.scale_bits) - 1), cells = 1 << (3 * cell_bits);
   int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, least = int(kDistanceUnits);
@@ -128,12 +128,12 @@ bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
   return is_cut || is_near;
 }
 
-// A thread does 2^scale_bits columns along z of as many voxels as a brick has a side: eight voxels. Loads cost most on a
-// CPU device, and a column has one brick and one block.
+// A thread processes 2^scale_bits columns along z, each as long as a brick: eight voxels in total. Loads dominate the
+// cost on a CPU device, and a column has a single brick and block.
 struct Column {
   EsdfJob job;
-  ivec3 at;      // in the brick: its first voxel
-  uint address;  // of that; kNoVoxel: nothing to do
+  ivec3 at;      // first voxel, in the brick
+  uint address;  // its address; kNoVoxel: no work
 };
 Column column_of(int column) {
   int bits = 3 - int(parameters.scale_bits), side = 1 << bits;
@@ -156,7 +156,7 @@ void main() {
   parameters.tolerance = push.tolerance;
   parameters.capacity = push.capacity;
   int bits = 3 - int(parameters.scale_bits), side = 1 << bits;
-  uint changed = 0u, gone = 0u, closer = 0u, cut = 0u;  // by voxel of this thread
+  uint changed = 0u, gone = 0u, closer = 0u, cut = 0u;  // bits by voxel of this thread
   Words surface_words = Words(field.surface);
   for (int column = 0; column < 1 << parameters.scale_bits; ++column) {
     Column c = column_of(column);
@@ -183,7 +183,7 @@ void main() {
     int i = findLSB(closer);
     Column c = column_of(i >> bits);
     uint z = uint(i & (side - 1)), address = c.address + z, old = surface_at(surface, address);
-    // A surface that is seen at a grazing angle may lie between what is in front of all and one voxel behind it.
+    // A surface seen at a grazing angle may be between free voxels and a single voxel behind it.
     uint word = surface_of(c.job, c.at + ivec3(0, 0, z), old, (cut >> i & 1u) != 0u ? 2 : 1);
     if (word != old) {
       surface_words.v[address] = word;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Buffers that a kernel only reads, at places that each thread computes: as texels. A CPU device gathers texels for all
-// its lanes at once, where a storage buffer costs a loop with a branch for each; a GPU has a cache for them. The host
-// knows by the image's kind what a texel is (src/gpu/kernel.cpp).
+// Read-only buffers with per-thread addresses, as texels. A CPU device gathers texels for all lanes at once, whereas a
+// storage buffer costs a loop with a branch per lane; a GPU has a cache for texels. The host derives the texel format
+// from the image type (src/gpu/kernel.cpp).
 #ifndef CAIRN_FETCH_H
 #define CAIRN_FETCH_H
 #extension GL_EXT_samplerless_texture_functions : require

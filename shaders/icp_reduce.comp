@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One linearisation of projective point-to-plane ICP (Chen & Medioni 1991; Newcombe et al. 2011, eq. 17-24): live points
-// are matched with the model's point behind the pixel that they fall on. Each subgroup writes its own sums;
-// pose_step adds them in a fixed order.
+// One linearization of projective point-to-plane ICP (Chen & Medioni 1991; Newcombe et al. 2011, eq. 17-24): each live
+// point is matched with the model point at the pixel of its projection. Each subgroup writes its own sums; pose_step
+// adds them in a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -18,7 +18,7 @@ layout(binding = 2, scalar) uniform State { AlignState state; };
 layout(binding = 3, scalar) writeonly buffer Sums { IcpSums sums[]; };
 
 void main() {
-  // Named sums: an array of them costs several times more on a CPU device.
+  // Named sums: an array costs several times more on a CPU device.
   vec3 rr0 = vec3(0), rr1 = vec3(0), rt0 = vec3(0), rt1 = vec3(0), rt2 = vec3(0), tt0 = vec3(0), tt1 = vec3(0);
   vec3 br = vec3(0), bt = vec3(0);
   vec4 counts = vec4(0);
@@ -53,7 +53,7 @@ void main() {
     vec3 n = unpack_normal(m.y);
     vec3 gap = ray_through(camera, vec2(pixel)) * zm - p;
     vec3 live_normal = rotate(model_from_live, unpack_normal(l.y));
-    // Of normals that agree, the noise would agree too.
+    // No test of the angle for crossed pairs: selecting agreeing normals would select correlated noise.
     bool inlier = seen && dot(gap, gap) < max_squared &&
                   (crossed || dot(live_normal, n) > min_cosine);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Where a lens takes rays: see cairn::Lens.
+// Lens distortion model, see cairn::Lens.
 #ifndef CAIRN_LENS_H
 #define CAIRN_LENS_H
 #include "shaders/types.h"
@@ -9,7 +9,7 @@ namespace cairn::shader {
 #endif
 
 struct LensBend {
-  float k1;  // in the order of OpenCV; of a fisheye k1 k2 k3 k4 are k1 k2 p1 p2
+  float k1;  // in the order of OpenCV; k1 k2 p1 p2 hold k1 k2 k3 k4 of a fisheye
   float k2;
   float p1;
   float p2;
@@ -27,7 +27,7 @@ inline LensBend lens_bend(const Camera& c) {
 }
 }  // namespace cairn::shader
 #else
-// From the ray (n, 1) to where it is measured, at z = 1.
+// Distorts the ray (n, 1); returns the distorted coordinates at z = 1.
 vec2 bend(LensBend lens, vec2 n) {
   float r2 = dot(n, n);
   if (lens.is_fisheye != 0u) {

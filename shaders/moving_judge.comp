@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Judges each pixel of the coarsest level by the map and by the keyframe: see moving_mask.comp.
+// Classifies each pixel of the coarsest level by comparison with the map and the keyframe; see moving_mask.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -13,7 +13,7 @@ PAIRS(1, model);
 PAIRS(2, keyframe);  // packed, see surface.h
 layout(binding = 3, scalar) writeonly buffer Verdicts { uint verdicts[]; };
 
-const float kReach = 2.5;  // metres: farther away single measurements stray by as much as a person is thick
+const float kReach = 2.5;  // meters; beyond, single measurements deviate by as much as the thickness of a person
 
 void main() {
   int width = int(push.camera.width), height = int(push.camera.height);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Takes out of the image to be fused what stands in front of the map and of what the keyframe saw behind it: something
-// that moves. What the keyframe saw through is also no surface of the next keyframe; what stays is one of the
-// keyframe after, and is fused from then on. One thread a pixel of the coarsest level; first all only
-// count, and where they are too many it was no person but a wrong pose.
+// Masks moving objects in the image to integrate: pixels in front of both the map and the surface that the keyframe saw
+// behind them. Pixels in the keyframe's free space are also excluded from the next keyframe. An object that stays is
+// part of the keyframe after it and is integrated from then on. One thread per pixel of the coarsest level. A first
+// dispatch only counts; if the count is too large, the cause is a wrong pose and no pixel is masked.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -24,7 +24,7 @@ void main() {
   ivec2 at = thread_place();
   if (at.x >= int(push.width) || at.y >= int(push.height)) return;
   uint here = verdict(at);
-  // A pixel around it too: edges are blurred.
+  // Dilated by one pixel, because edges are blurred.
   uint around = here | verdict(at - ivec2(1, 0)) | verdict(at + ivec2(1, 0)) | verdict(at - ivec2(0, 1)) | verdict(at + ivec2(0, 1));
   bool moving = (around & kStandsInFront) != 0u;
   if (push.only_count != 0u) {

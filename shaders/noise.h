@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// cairn::SensorModel in shaders: its numbers are set when a kernel is made.
+// cairn::SensorModel in shaders, as specialization constants.
 #ifndef CAIRN_NOISE_H
 #define CAIRN_NOISE_H
 #include "shaders/types.h"
@@ -11,7 +11,7 @@
 
 namespace cairn::shader {
 
-/// What a kernel that reads this header is made with.
+/// Specialization constants of kernels with this header.
 inline std::array<float, 4> constants_of(const SensorModel& m) {
   return {m.floor, m.growth, m.sharpest, m.weight == SensorModel::Weight::by_noise ? 1.0f : 0.0f};
 }
@@ -23,11 +23,11 @@ layout(constant_id = 1) const float kNoiseGrowth = 0.0019;
 layout(constant_id = 2) const float kNoiseSharpest = 0.4;
 layout(constant_id = 3) const float kWeightByNoise = 0.0;
 
-// Standard deviation of a depth measurement, metres.
+// Standard deviation of a depth measurement, meters.
 float depth_noise(float z) { return kNoiseFloor + kNoiseGrowth * (z - kNoiseSharpest) * (z - kNoiseSharpest); }
 vec4 depth_noise(vec4 z) { return vec4(depth_noise(z.x), depth_noise(z.y), depth_noise(z.z), depth_noise(z.w)); }
 
-// How much a measurement counts in fusion.
+// Weight of a measurement in fusion.
 float depth_weight(float z) {
   return kWeightByNoise > 0.0 ? min(1.0, depth_noise(1.0) / depth_noise(z)) : 1.0 / max(1.0, z * z);
 }

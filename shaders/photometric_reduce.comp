@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One linearisation of the photometric term: the brightness of live points against a keyframe's image (Steinbruecker et
-// al. 2011; t-distributed residuals as in Kerl, Sturm & Cremers 2013; affine brightness as in Engel et al. 2015). Each
-// subgroup writes its own sums; pose_step adds them in a fixed order.
+// One linearization of the photometric term: the brightness of live points compared to a keyframe image (Steinbruecker
+// et al. 2011; t-distributed residuals as in Kerl, Sturm & Cremers 2013; affine brightness as in Engel et al. 2015).
+// Each subgroup writes its own sums; pose_step adds them in a fixed order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -18,7 +18,7 @@ PAIRS(2, keyframe);  // packed
 layout(binding = 3, scalar) uniform State { AlignState state; };
 layout(binding = 4, scalar) writeonly buffer Sums { PhotometricSums sums[]; };
 
-// Brightness (x) and its change along the image (y, z) between four pixels; w = 0 where one has none.
+// Brightness (x) and its image gradient (y, z), interpolated between four pixels; w = 0 if any of them has none.
 vec4 bilinear(uvec2 p, vec2 f) {
   ivec4 codes = ivec4(p.x & 0xfffu, (p.x >> 12) & 0xfffu, p.y & 0xfffu, (p.y >> 12) & 0xfffu);
   vec4 v = (vec4(codes) - 1.0) * (1.0 / 4094.0);
@@ -47,7 +47,7 @@ void main() {
     int i = exists ? at.y * width + at.x : 0;
     float z = uintBitsToFloat(fetch(points, i).x);
     vec3 p = ray_through(camera, vec2(at)) * z;
-    // Where the colour camera saw the point, at its own moment.
+    // Projection into the color camera at its own time.
     vec2 u = project(camera, p + cross(rotation, p) + translation);
     vec3 q = transform(keyframe_from_live, p);
     float share = 0.0;
@@ -64,7 +64,7 @@ void main() {
     uvec2 pk = inside ? fetch(keyframe, iv.y * width + iv.x) : uvec2(0);
     vec4 a = bilinear(pl, u - vec2(iu)), key = bilinear(pk, v - vec2(iv));
     float zk = float(int((pk.x >> 24) | ((pk.y >> 24) << 8))) * 0.001;
-    // Neither hidden in the keyframe nor behind something that was there.
+    // Excludes points occluded in the keyframe or in front of its surface.
     bool seen = inside && a.w > 0.0 && key.w > 0.0 && (zk == 0.0 || abs(zk - q.z) < 0.05 + 0.03 * q.z);
 
     float r = seen ? key.x - (gain * a.x + bias) : 0.0;

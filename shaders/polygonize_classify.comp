@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// By brick: which of its edges cross the surface, and how many triangles its cells make. One thread a column.
+// Finds the edges of a brick that cross the surface, and counts the triangles of its cells. One thread per column.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/polygonize.h"
 layout(local_size_x = 64) in;
 layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
-layout(binding = 3, scalar) buffer Masks { uint masks[]; };        // kEdgeWords a brick, zeroed
+layout(binding = 3, scalar) buffer Masks { uint masks[]; };        // kEdgeWords per brick, zeroed
 
 void main() {
   if (group_index() >= push.count) return;

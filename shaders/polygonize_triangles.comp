@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Emits the triangles of a brick's cells. One thread a column; triangles keep the order of the cells.
+// Emits the triangles of a brick's cells. One thread per column; triangles keep the order of the cells.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/polygonize.h"
@@ -8,10 +8,11 @@ layout(local_size_x = 64) in;
 layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
 layout(binding = 3, scalar) readonly buffer Masks { uint masks[]; };
 layout(binding = 4, scalar) readonly buffer Firsts { uint firsts[]; };
-layout(binding = 5, scalar) readonly buffer Neighbours { uint neighbours[]; };  // 8 a brick: list position of brick + corner c
+layout(binding = 5, scalar) readonly buffer Neighbours { uint neighbours[]; };  // 8 per brick: index of brick + corner
+                                                                                // c
 layout(binding = 6, scalar) writeonly buffer Indices { uint indices[]; };
 
-// The vertex on the edge that starts at a corner of a cell and runs along an axis.
+// Vertex on the edge that starts at a corner of a cell and runs along an axis.
 uint vertex_on(uint brick, uvec3 cell, uint edge) {
   uint corner = edge & 7u, axis = edge >> 3;
   uvec3 v = cell + uvec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Emits the vertices of a brick's edges in the order of their bits. One thread a word of the mask.
+// Emits the vertices of a brick's edges in the order of their bits. One thread per mask word.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/polygonize.h"
 layout(local_size_x = 64) in;
 layout(binding = 2, scalar) readonly buffer Masks { uint masks[]; };
-layout(binding = 3, scalar) readonly buffer Firsts { uint firsts[]; };  // by mask word: its first vertex
+layout(binding = 3, scalar) readonly buffer Firsts { uint firsts[]; };  // index of the first vertex by mask word
 layout(binding = 4, scalar) writeonly buffer Vertices { MeshVertex vertices[]; };
 
 float known_distance(ivec3 voxel, float otherwise) {
   uint word = fetch_voxel(voxel).x;
   return (word >> 16) != 0u ? voxel_distance(word) : otherwise;
 }
-// Central differences, one-sided where a neighbour was never seen.
+// Central differences, one-sided if a neighbor was never observed.
 vec3 gradient(ivec3 v, float d) {
   return vec3(known_distance(v + ivec3(1, 0, 0), d) - known_distance(v - ivec3(1, 0, 0), d),
               known_distance(v + ivec3(0, 1, 0), d) - known_distance(v - ivec3(0, 1, 0), d),
@@ -35,7 +35,7 @@ void main() {
     ivec3 a = base + ivec3(voxel >> 6, (voxel >> 3) & 7u, voxel & 7u), b = a + step_v;
     uvec2 wa = fetch_voxel(a), wb = fetch_voxel(b);
     float da = voxel_distance(wa.x), db = voxel_distance(wb.x);
-    // Vertices of neighbouring edges stay apart even where a voxel lies on the surface.
+    // Keeps vertices of adjacent edges distinct even if a voxel is exactly on the surface.
     float t = clamp(da / (da - db), 0.001, 0.999);
     vec3 n = mix(gradient(a, da), gradient(b, db), t);
     float ca = (wa.y >> 24) != 0u ? 1.0 - t : 0.0, cb = (wb.y >> 24) != 0u ? t : 0.0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The voxels as a kernel reads them where it likes: as texels, which a CPU device gathers for all its lanes at once, or, in
-// a pool of more voxels than the device has texels, by their address. cairn::VoxelKernel makes the one or the other.
+// Random access to voxels: as texels, which a CPU device gathers for all lanes at once, or by address if the pool
+// exceeds the texel limit of the device. cairn::VoxelKernel selects the variant.
 #ifndef CAIRN_POOL_H
 #define CAIRN_POOL_H
 #include "shaders/fetch.h"

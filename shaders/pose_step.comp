@@ -1,39 +1,38 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What follows an iteration's sums: adds them, and takes one step of Gauss-Newton, each term in units of the scale of its
-// own residuals. Directions that the geometry does not observe are left to brightness, those that neither observes to the
-// guess (Zhang, Kaess & Singh 2016). Then it decides what runs next: another iteration, the next finer level, or nothing.
-// One workgroup; all its threads do the same once the sums are added, and the first one writes.
+// Last step of an iteration: adds the sums and takes one Gauss-Newton step, with each term scaled by its own residual
+// variance. Directions not observed by the geometry are left to brightness, and directions observed by neither keep the
+// initial guess (Zhang, Kaess & Singh 2016). Then selects the next step: another iteration, the next finer level, or
+// none. One workgroup; after the summation all threads compute the same, and the first writes.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/track.h"
 layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { PoseStepPush push; };
-WORDS(0, geometry);     // words of IcpSums
-WORDS(1, crossed);      // of IcpSums, by pairs of normals
-WORDS(2, photometric);  // of PhotometricSums
+WORDS(0, geometry);     // IcpSums as words
+WORDS(1, crossed);      // IcpSums as words, for crossed pairs of normals
+WORDS(2, photometric);  // PhotometricSums as words
 layout(binding = 3, scalar) buffer State { AlignState state; };
 
-const int kIcpWords = 32, kPhotometricWords = 36;  // the last tells how many parts a workgroup has
+const int kIcpWords = 32, kPhotometricWords = 36;  // the last word is the number of parts per workgroup
 const int kAll = 2 * kIcpWords + kPhotometricWords;
 shared float total[kAll];
 
 const float kMinBrightnessSigma = 1.0 / 255.0;
 const float kMinDepthSigma = 0.1;    // standard deviations of the depth noise
-const float kWeakGeometry = 0.002;   // share of a direction in the sum of all
-const float kAgreeing = 0.75;        // share of inliers
-const float kUnobserved = 1e-5;      // of the strongest direction
+const float kWeakGeometry = 0.002;   // minimum share of a direction in the sum of eigenvalues
+const float kAgreeing = 0.75;        // minimum share of inliers
+const float kUnobserved = 1e-5;      // relative to the strongest direction
 const float kMinInliers = 6.0;
-// Brightness residuals of neighbouring pixels go together, so that many tell as little as one. What the sensor's noise
-// explains of their variance depends on interpolation only; the rest is calibration, shutter and shading, which whole
-// objects share.
+// Brightness residuals of adjacent pixels are correlated, so many count as few. Sensor noise is correlated by
+// interpolation only; the rest of the variance is calibration, shutter and shading, which are common to entire objects.
 const float kBrightnessNoise = 0.015;  // standard deviation, brightness in 0..1
-const float kNoiseTogether = 10.0;     // residuals that count as one
+const float kNoiseTogether = 10.0;     // residuals that count as one independent residual
 const float kSystematicTogether = 60.0;
-const float kMinPhotometricShare = 0.05;  // of the pixels must have a brightness in both images
+const float kMinPhotometricShare = 0.05;  // minimum share of pixels with a brightness in both images
 
-struct Equations {  // a x = b of x = (rotation, translation); a is symmetric
+struct Equations {  // a x = b for x = (rotation, translation); a is symmetric
   mat3 rr, rt, tt;
   vec3 br, bt;
 };
@@ -42,7 +41,7 @@ mat3 symmetric(vec3 first, vec3 rest) { return mat3(first, first.y, rest.xy, fir
 vec3 row(mat3 m, int i) { return vec3(m[0][i], m[1][i], m[2][i]); }
 vec3 total_at(int word) { return vec3(total[word], total[word + 1], total[word + 2]); }
 
-Equations equations_at(int word) {  // NormalEquations
+Equations equations_at(int word) {  // reads NormalEquations
   Equations e;
   e.rr = symmetric(total_at(word), total_at(word + 3));
   e.rt = transpose(mat3(total_at(word + 6), total_at(word + 9), total_at(word + 12)));
@@ -52,7 +51,7 @@ Equations equations_at(int word) {  // NormalEquations
   return e;
 }
 
-// The equations of a motion that `motion` takes to the frame of `e`.
+// Transforms the equations from the frame of `e` to the source frame of `motion`.
 Equations moved(Equations e, Rigid motion) {
   mat3 r = mat3(motion.x, motion.y, motion.z);
   mat3 s = mat3(cross(motion.t, motion.x), cross(motion.t, motion.y), cross(motion.t, motion.z));
@@ -70,14 +69,14 @@ Equations sum_of(Equations a, float s, Equations b, float t) {
   return Equations(a.rr * s + b.rr * t, a.rt * s + b.rt * t, a.tt * s + b.tt * t, a.br * s + b.br * t, a.bt * s + b.bt * t);
 }
 
-// Metres by which a radian moves the scene: rotations are measured by that.
+// Lever arm in meters per radian, to compare rotations with translations.
 float lever_of(Equations e) {
   return max(sqrt((e.rr[0][0] + e.rr[1][1] + e.rr[2][2]) / max(e.tt[0][0] + e.tt[1][1] + e.tt[2][2], 1e-12)), 1e-3);
 }
 
-// Eigenvalues and vectors (rotation in `r`, translation in `t`) of a, with rotations measured by the lever: Jacobi's
-// cyclic method (Golub & Van Loan 2013, sec. 8.5). Indices are all literal: on a CPU device an array at a computed place is
-// memory, lane by lane.
+// Eigenvalues and eigenvectors (rotation in `r`, translation in `t`) of a, with rotations scaled by the lever: cyclic
+// Jacobi method (Golub & Van Loan 2013, sec. 8.5). All indices are literals: on a CPU device, dynamic indexing of an
+// array goes through memory, lane by lane.
 struct Directions {
   float value[6];
   vec3 r[6], t[6];
@@ -119,11 +118,11 @@ Directions directions_of(Equations e, float lever) {
                     r, t);
 }
 
-// What of the pose the geometry observes. Noise of the normals would hold the others where they are (Zhang, Kaess & Singh
-// 2016, sec. III, on the matrix that pairs live normals with the model's: noise is in the one or in the other, structure in
-// both).
+// Directions of the pose observed by the geometry. Noise of the normals would hold the other directions at the guess
+// (Zhang, Kaess & Singh 2016, sec. III, applied to the matrix that pairs live normals with the model's: noise is
+// independent in the two, structure is common).
 struct Observed {
-  mat3 rr, rt, tt;  // the sum of its directions' dyads
+  mat3 rr, rt, tt;  // sum of the dyads of the observed directions
   float lever;
   uint weak;
 };
@@ -147,11 +146,11 @@ Observed observed_by_geometry(Equations pairs) {
   return o;
 }
 
-// Takes out of the equations what is not observed.
+// Projects the unobserved directions out of the equations.
 Equations projected(Equations e, Observed o) {
   float l = 1.0 / o.lever, l2 = l * l;
   mat3 rr = e.rr * l2, rt = e.rt * l, tr = transpose(rt), ko = transpose(o.rt);
-  // k a, then (k a) k, by blocks.
+  // Blocks of k a, then of (k a) k.
   mat3 p = o.rr * rr + o.rt * tr, q = o.rr * rt + o.rt * e.tt, u = ko * rr + o.tt * tr, v = ko * rt + o.tt * e.tt;
   vec3 br = e.br * l;
   Equations m;
@@ -163,7 +162,7 @@ Equations projected(Equations e, Observed o) {
   return m;
 }
 
-// Solves the equations: x has no part along directions that they do not observe.
+// Solves the equations; x has no component along unobserved directions.
 struct Solution {
   vec3 rotation, translation;
   uint unobserved;
@@ -188,7 +187,7 @@ Solution solve(Equations e) {
   return x;
 }
 
-// Rotates by the length of `turn` about it.
+// Rotates v by the rotation vector `turn`.
 vec3 turned(vec3 turn, vec3 v) {
   float angle = length(turn);
   bool small = angle < 1e-3;
@@ -227,14 +226,14 @@ void main() {
   float squared = total[27], inliers = total[28], seen = total[29];
   float sigma = state.sigma, stride = float(state.stride);
 
-  // Which directions the geometry may move.
+  // Directions that the geometry may move.
   Observed observed = Observed(symmetric(state.keep_rr0, state.keep_rr1),
                                transpose(mat3(state.keep_rt0, state.keep_rt1, state.keep_rt2)),
                                symmetric(state.keep_tt0, state.keep_tt1), state.lever, state.weak);
   bool goes_on = true;
   if (looks_for_weak) {
-    // Normals of surfaces that do not lie on each other yet say nothing about noise. Those of a young map disagree even
-    // then; brightness that fits to its noise without the weak directions tells that they lie.
+    // Normals of surfaces that are not aligned yet carry no information about noise. In a young map normals disagree
+    // even when aligned; brightness that fits to its noise without the weak directions proves the alignment.
     bool agree = inliers > kAgreeing * seen, close = total[kIcpWords + 28] > kAgreeing * seen;
     bool proved = directions == kWithoutWeak && sigma < kBrightnessNoise;
     bool can_repeat = push.has_brightness != 0u && push.has_coarser != 0u, trial = directions == kUndecided && can_repeat;
@@ -254,13 +253,13 @@ void main() {
   float spread = total[at + 6] / max(weight, 1e-12) - mean_live * mean_live;
   float together = total[at + 7] / max(weight, 1e-12) - mean_live * mean_key;
   bool uses_brightness = key_seen * stride * stride > kMinPhotometricShare * push.pixels;
-  // Kerl, Sturm & Cremers 2013, eq. 15: one step of the fixed point an iteration.
+  // Kerl, Sturm & Cremers 2013, eq. 15: one fixed-point step per iteration.
   float key_sigma = max(sqrt(key_squared / max(key_seen, 1.0)), kMinBrightnessSigma), all = key_sigma * key_sigma;
   float noise = min(all, kBrightnessNoise * kBrightnessNoise);
   float key_variance = kNoiseTogether * noise + kSystematicTogether * (all - noise);
   e = sum_of(e, has_geometry ? 1.0 / variance : 0.0, moved(equations_at(2 * kIcpWords), local(push.keyframe_from_model)),
              uses_brightness ? 1.0 / key_variance : 0.0);
-  // Gain and bias by weighted linear regression of the keyframe's brightness on the live one's.
+  // Gain and bias by weighted linear regression of the keyframe's brightness on the live brightness.
   float gain = spread > 1e-4 ? clamp(together / spread, 0.3, 3.0) : 1.0;
 
   Solution x = solve(e);
@@ -296,7 +295,7 @@ void main() {
   state.degenerate_directions = has_geometry ? observed.weak : 6u;
   state.unobserved = x.unobserved;
 
-  // From close by, all pixels are looked at, at least in the last two iterations.
+  // Close to convergence all pixels are used, at least in the last two iterations.
   bool was_near = state.is_near != 0u, is_last = (was_near && !moves_on) || iteration + 1u >= push.most;
   bool is_near = was_near || !moves_on || iteration + 2u >= push.most;
   uint level = push.level, count = push.groups;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The surface seen from a pose: (depth, normal) by pixel in the camera's frame (Newcombe et al. 2011, sec. 3.4). Rays
-// march over nearest voxels until the sign changes, then the crossing is found by interpolation.
+// Surface seen from a pose: (depth, normal) by pixel in the camera frame (Newcombe et al. 2011, sec. 3.4). Rays march
+// through nearest voxels until the sign changes; interpolation then refines the crossing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/pool.h"
@@ -20,14 +20,14 @@ uint find_slot(ivec3 voxel) {
   return in_window(volume, brick) ? slot_of_entry(fetch(page_table, int(table_index(volume, brick)))) : kNoSlot;
 }
 
-// Distance in truncations, and 1 or 0 for seen or not.
+// Distance in truncations, and 1 if observed, else 0.
 vec2 fetch(ivec3 voxel) {
   uint slot = find_slot(voxel);
   uint word = slot != kNoSlot ? voxel_in(volume.voxels, voxel_index(slot, voxel)).x : 0u;
   return vec2(voxel_distance(word), (word >> 16) != 0u ? 1.0 : 0.0);
 }
 
-// Trilinear distance (w, in truncations) and its gradient (xyz, per voxel); w = 2 where a corner was never seen.
+// Trilinear distance (w, in truncations) and its gradient (xyz, per voxel); w = 2 if a corner is unobserved.
 vec4 sample_field(vec3 v) {
   ivec3 i = ivec3(floor(v));
   vec3 f = v - vec3(i);
@@ -44,7 +44,7 @@ vec4 sample_field(vec3 v) {
   return vec4(gradient, seen > 0.0 ? mix(y0, y1, f.z) : 2.0);
 }
 
-const int kSteps = 64;  // rays that take more graze along the fringe of what was seen and find nothing to align with
+const int kSteps = 64;  // longer rays graze the border of the observed space and find no surface to align with
 
 void main() {
   uvec2 pixel = gl_GlobalInvocationID.xy;
@@ -55,7 +55,7 @@ void main() {
   int tile = int((pixel.y / kTile) * tiles_along(camera.width) + pixel.x / kTile);
   float t = fetch(nearest, tile), end = fetch(farthest, tile);
 
-  // In voxels; t is the depth, since the ray has z = 1 in the camera's frame.
+  // In voxels; t is the depth, since the ray has z = 1 in the camera frame.
   float inverse_voxel = 1.0 / volume.voxel_size;
   vec3 ray = rotate(submap_from_camera, ray_through(camera, vec2(pixel))) * inverse_voxel;
   vec3 origin = submap_from_camera.t * inverse_voxel;
@@ -76,22 +76,22 @@ void main() {
       continue;
     }
     uint word = voxel_in(volume.voxels, voxel_index(slot, voxel)).x;
-    // A voxel on the surface counts as in front of it: 0 stands for a voxel that was never seen.
+    // A voxel exactly on the surface counts as in front: 0 marks unobserved voxels.
     float distance = voxel_distance(word);
     float d = (word >> 16) != 0u ? (distance == 0.0 ? 1e-4 : distance) * truncation : 0.0;
     if (d < 0.0) {
-      // Seen from behind, or through a hole: nothing to align with.
+      // Back face, or seen through a hole: no surface to align with.
       if (before_d > 0.0) hit = mix(before, t, before_d / (before_d - d));
       break;
     }
     before = t;
     before_d = d;
-    // The band in front of a surface is a truncation thick: half of it passes nothing.
+    // The band in front of a surface is one truncation thick: steps of half of it cannot skip a surface.
     t += (d > 0.0 ? max(0.8 * d, 0.5) : 0.5 * truncation) * per_voxel;
   }
 
-  // Two Newton steps along the ray, with distance in truncations and t in depth. One would do for a trajectory, but not
-  // to tell another place from this one.
+  // Two Newton steps along the ray, with distance in truncations and t in depth. A single step suffices for tracking,
+  // but not for place recognition.
   vec4 field = vec4(0.0);
   for (int i = 0; i < 2; ++i) {
     field = sample_field(origin + ray * hit);

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Where rays have to look: by tile, the nearest and the farthest brick that it sees (Prisacariu et al. 2017, sec. 4.2).
+// Depth range of rays: by tile, the nearest and the farthest brick in view (Prisacariu et al. 2017, sec. 4.2).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { RaycastRangePush push; };
 layout(binding = 0, scalar) readonly buffer Slots { SlotState slots[]; };
-layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of positive floats order like integers
+layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of positive floats sort like integers
 layout(binding = 2, scalar) buffer Farthest { uint farthest[]; };
 
 void main() {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Synthetic scenes: unions of solids with solid textures. All lengths in metres, world frame (y down).
+// Synthetic scenes: unions of solids with solid textures. All lengths in meters, world frame (y down).
 #ifndef CAIRN_SCENE_H
 #define CAIRN_SCENE_H
 #include "shaders/types.h"
@@ -8,7 +8,7 @@
 namespace cairn::shader {
 #endif
 
-const uint kBox = 0;       // turned about the vertical
+const uint kBox = 0;       // rotated about the vertical
 const uint kSphere = 1;    // radius half_size.x
 const uint kCylinder = 2;  // upright: radius half_size.x, half height half_size.y
 const uint kHollow = 3;    // everything outside a box: the walls of a room
@@ -17,28 +17,28 @@ const uint kPlain = 0;
 const uint kChecker = 1;
 const uint kWood = 2;
 const uint kTiles = 3;
-const uint kPatches = 4;   // cells of random colours, like books or a picture
+const uint kPatches = 4;   // cells of random colors, like books or a picture
 
 struct Solid {
   vec3 centre;
   vec3 half_size;
-  vec2 heading;  // cosine and sine of the turn
-  float reach;   // of a ball around the centre that holds the solid; of kHollow, which is around everything: endless
+  vec2 heading;  // cosine and sine of the rotation about the vertical
+  float reach;   // radius of a bounding ball around the center; infinite for kHollow
   uint shape;
   uint pattern;
   float scale;   // of the pattern
   vec3 colour;   // linear in 0..1, as stored in images
-  vec3 second;   // the pattern's other colour
+  vec3 second;   // second color of the pattern
 };
 
-const int kSolidWords = 18;  // of Solid
+const int kSolidWords = 18;  // size of Solid
 
 struct SceneRenderPush {
   Pinhole camera;
   Rigid world_from_camera;
   uint solids;
-  uint is_bent;  // by the lens: rays are told by pixel
-  uint is_rolling;  // each row has a pose of its own
+  uint is_bent;  // lens distortion: rays are given per pixel
+  uint is_rolling;  // each row has its own pose
 };
 
 #ifdef __cplusplus

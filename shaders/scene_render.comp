@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Depth and colour of a scene, exactly: rays meet each solid in closed form. Colour depends on the place alone, not on
-// the view, as the surface of a diffuse object does.
+// Exact depth and color of a scene: closed-form ray intersections with each solid. Color depends on the position only,
+// not on the view, as for a diffuse surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_arithmetic : require
@@ -9,12 +9,13 @@
 #include "shaders/scene.h"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SceneRenderPush push; };
-WORDS(0, solids);  // of Solid
+WORDS(0, solids);  // Solid as words
 layout(binding = 1, scalar) writeonly buffer Depth { float depth[]; };
-layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // between the ray and the surface's normal
+layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // of the angle between the ray and the
+                                                                          // surface normal
 layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
 layout(binding = 4, scalar) readonly buffer Rays { vec2 rays[]; };  // at z = 1
-layout(binding = 5, scalar) readonly buffer Rows { Rigid rows[]; };  // world_from_camera of a rolling shutter
+layout(binding = 5, scalar) readonly buffer Rows { Rigid rows[]; };  // world_from_camera by row, for a rolling shutter
 
 const float kFar = 1e9;
 
@@ -48,7 +49,7 @@ vec3 turn(vec3 v, vec2 heading) {
   return vec3(heading.x * v.x + heading.y * v.z, v.y, -heading.y * v.x + heading.x * v.z);
 }
 
-// Where a ray enters a box around the origin, x, and leaves it, y; the faces' axes tell the normals.
+// Parameters at which a ray enters (x) and leaves (y) a box around the origin; the normals of the two faces.
 vec2 box_interval(vec3 o, vec3 d, vec3 h, out vec3 near_normal, out vec3 far_normal) {
   vec3 inverse = 1.0 / mix(d, vec3(1e-12), equal(d, vec3(0.0)));
   vec3 a = (-h * sign(inverse) - o) * inverse, b = (h * sign(inverse) - o) * inverse;
@@ -58,7 +59,7 @@ vec2 box_interval(vec3 o, vec3 d, vec3 h, out vec3 near_normal, out vec3 far_nor
   return vec2(enter, leave);
 }
 
-// Depth along the ray and the normal in the solid's frame.
+// Normal in the solid's frame (xyz) and depth along the ray (w).
 vec4 meet(Solid solid, vec3 o, vec3 d) {
   vec3 near_normal, far_normal;
   if (solid.shape == kBox || solid.shape == kHollow) {
@@ -83,7 +84,7 @@ vec4 meet(Solid solid, vec3 o, vec3 d) {
 
 vec3 texture_at(Solid solid, vec3 p, vec3 n) {
   vec3 q = p / solid.scale;
-  vec3 on_grid = floor(q + 1e-3 * n);  // a face that lies on a cell's border belongs to one cell
+  vec3 on_grid = floor(q + 1e-3 * n);  // a face on the border of cells belongs to a single cell
   float grain = 0.55 * noise(p * 37.0) + 0.3 * noise(p * 83.0 + 7.0) + 0.15 * noise(p * 171.0 + 3.0);
   float blotch = noise(p * 4.0 + 11.0);
   vec3 base = solid.colour;
@@ -105,7 +106,7 @@ vec3 texture_at(Solid solid, vec3 p, vec3 n) {
   return base * (0.62 + 0.5 * grain + 0.22 * (blotch - 0.5));
 }
 
-// Whether the ball around a solid reaches into the cone around the directions of a workgroup's pixels.
+// True if the bounding ball of a solid intersects the cone around the rays of a workgroup.
 bool is_near(uint i, vec3 o, vec3 axis, float cosine, float sine) {
   vec3 m = vector_of(i, 0) - o;
   float reach = number_of(i, 8), along = dot(m, axis), beside = sqrt(max(dot(m, m) - along * along, 0.0));
@@ -130,16 +131,17 @@ void main() {
   for (uint c = 0u; c < 4u; ++c)
     cosine_of_cone = min(cosine_of_cone, dot(axis, normalize(ray_of(corner + size * vec2(c & 1u, c >> 1u)))));
   axis = rotate(push.world_from_camera, axis);
-  float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + (push.is_bent != 0u ? 1e-2 : 1e-4);  // with room for rounding
+  float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + (push.is_bent != 0u ? 1e-2 : 1e-4);  // margin for rounding
   vec4 best = vec4(0.0, 0.0, 0.0, kFar);
   uint which = 0u;
-  // Counted, since lavapipe numbers the threads of a subgroup of 16 wrongly (Mesa 22.3).
+  // Computed, because lavapipe numbers the threads of a subgroup of 16 incorrectly (Mesa 22.3).
   uint lane = subgroupExclusiveAdd(1u), step = min(subgroupAdd(1u), 32u);
   for (uint first = 0u; first < push.solids; first += step) {
-    // Most solids lie beside the workgroup's pixels: each thread looks at one, then all meet those that do not.
+    // Most solids are outside the workgroup's cone: each thread tests one solid, then all threads intersect the
+    // remaining solids.
     uint mine = first + lane;
     bool near = lane < step && mine < push.solids &&
-                (push.is_rolling != 0u ||  // whose rows look from different places
+                (push.is_rolling != 0u ||  // rows have different origins
                  is_near(min(mine, push.solids - 1u), o, axis, cosine_of_cone, sine_of_cone));
     uint marked = subgroupOr(near ? 1u << lane : 0u);
     while (marked != 0u) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How a camera moves while a rolling shutter reads its image (Forssen & Ringaby 2010, with depth that is measured instead
-// of a rotation alone).
+// Camera motion during the readout of a rolling shutter (Forssen & Ringaby 2010, with measured depth instead of pure
+// rotation).
 #ifndef CAIRN_SHUTTER_H
 #define CAIRN_SHUTTER_H
 #include "shaders/types.h"
@@ -9,10 +9,11 @@
 namespace cairn::shader {
 #endif
 
-struct ShutterMotion {  // of a point, from the camera as it is `delay` seconds after a frame's time to it at that time:
+struct ShutterMotion {  // maps a point from the camera frame `delay` seconds after the frame's time to the camera frame
+                        // at that time:
   vec3 turn;            // rad/s; the rotation vector is delay * (turn + delay * turn_change)
   vec3 turn_change;     // rad/s^2
-  vec3 shift;           // m/s, likewise
+  vec3 shift;           // m/s, used like `turn`
   vec3 shift_change;    // m/s^2
   float readout;        // seconds
 };
@@ -22,12 +23,13 @@ struct ShutterMotion {  // of a point, from the camera as it is `delay` seconds 
 #else
 ShutterMotion local(ShutterMotion m) { return ShutterMotion(m.turn, m.turn_change, m.shift, m.shift_change, m.readout); }
 
-// Turns of a readout are small: two orders of them do.
+// Second-order expansion; the rotation during a readout is small.
 vec3 turned(vec3 turn, vec3 p) {
   vec3 first = cross(turn, p);
   return p + first + 0.5 * cross(turn, first);
 }
-// `row`: as a share of the image's height. As the camera at the frame's time has what that row saw at p, and the other way.
+// `row`: as a fraction of the image height. at_once maps a point seen by that row at p to the camera frame at the
+// frame's time; at_row is the inverse.
 vec3 at_once(ShutterMotion m, vec3 p, float row) {
   float delay = m.readout * (clamp(row, 0.0, 1.0) - 0.5);
   return turned(delay * (m.turn + delay * m.turn_change), p) + delay * (m.shift + delay * m.shift_change);

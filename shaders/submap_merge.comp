@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Fuses submaps that were moved and bent into bricks of the world: each voxel is the weighted mean of the submaps'
-// distances at its place, interpolated where all voxels around were observed. One workgroup a brick.
+// Fuses moved and deformed submaps into world bricks: each voxel is the weighted mean of the submaps' distances at its
+// position, interpolated if all surrounding voxels were observed. One workgroup per brick.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/volume.h"
@@ -11,35 +11,35 @@ layout(binding = 0, scalar) readonly buffer Targets { MergeTarget targets[]; };
 layout(binding = 1, scalar) readonly buffer Sources { MergeSource sources[]; };
 layout(binding = 2, scalar) writeonly buffer Merged { uvec2 merged[]; };
 
-// Conversions go through int, and colours come from the nearest voxel alone: on a CPU device accesses and unsigned
-// conversions are what costs.
+// Conversions go through int, and colors use the nearest voxel only: on a CPU device memory accesses and unsigned
+// conversions dominate the cost.
 
-const float kAll = 0.999;  // of the shares of the four voxels around
+const float kAll = 0.999;  // minimum sum of the shares of the four interpolated voxels
 
 uint index_of(uint source, ivec3 voxel) {
   ivec3 b = voxel >> 3, v = voxel & 7;
   return (sources[source].slots[b.x + 3 * b.y + 9 * b.z] << 9) | uint((v.x << 6) | (v.y << 3) | v.z);
 }
 
-// A voxel's part of the distance, the weight, and of what was seen.
+// Contribution of a voxel to the distance, the weight, and the observed share.
 vec3 part(uint source, ivec3 voxel, float share) {
   int word = int(Voxels(push.voxels).v[index_of(source, voxel)].x);
   float weight = float((word >> 16) & 0xffff);
   return share * vec3(float(bitfieldExtract(word, 0, 16)), weight, weight > 0.0 ? 1.0 : 0.0);
 }
 
-// What a voxel of the world has got so far.
+// Running sums of an output voxel.
 struct Sum {
   float distance, weight;
-  vec4 colour;  // and its weight
+  vec4 colour;  // with its weight
 };
 
 void add(inout Sum sum, uint source, vec3 at) {
   at = max(at, vec3(0.0));
   ivec3 low = ivec3(at), high = low + 1;
   vec3 h = at - vec3(low);  // shares of the high corner
-  // Of the six tetrahedra in the cell the one with the point: from the low corner to the high one, along the axis of
-  // the largest share first. Half the accesses of eight corners, and as exact on planes.
+  // Tetrahedral interpolation in the cell: from the low corner to the high corner, along the axis of the largest share
+  // first. Half the accesses of trilinear interpolation, and equally exact on planes.
   bvec3 is_first = bvec3(h.x >= h.y && h.x >= h.z, h.y > h.x && h.y >= h.z, h.z > h.x && h.z > h.y);
   bvec3 is_last = bvec3(h.x < h.y && h.x < h.z, h.y <= h.x && h.y < h.z, h.z <= h.x && h.z <= h.y);
   float most = max(h.x, max(h.y, h.z)), least = min(h.x, min(h.y, h.z)), middle = h.x + h.y + h.z - most - least;
@@ -69,7 +69,7 @@ void main() {
   MergeTarget target = targets[group_index()];
   int column = int(gl_LocalInvocationID.x);
   uint to = (group_index() << 9) | uint(column << 3);
-  // Four voxels at a time: a source's transform is read for all of them once.
+  // Four voxels at a time, to read a source's transform only once for them.
   for (int z = 0; z < 8; z += 4) {
     const Sum kNone = Sum(0.0, 0.0, vec4(0.0));
     Sum a = kNone, b = kNone, c = kNone, d = kNone;

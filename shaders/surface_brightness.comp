@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Brightness in 0..1 of a coarser level's pixels, straight from a colour camera beside the depth camera: the mean over as
-// many of its pixels as one of the level covers. -1 where one of them is over- or underexposed or hidden.
+// Brightness in 0..1 of a coarser level's pixels, directly from a color camera next to the depth camera: the mean over
+// all color pixels that a pixel of the level covers. -1 if any of them is over- or underexposed or occluded.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/surface_colour.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceBrightnessPush push; };
-FLOATS(0, depth);  // of the level
+FLOATS(0, depth);  // at this level
 FLOATS(1, nearest);
 WORDS(2, raw_colour);
 layout(binding = 3, scalar) writeonly buffer Intensity { float intensity[]; };
@@ -21,7 +21,7 @@ void main() {
   vec2 pixel;
   bool is_seen = seen_at(local(push.motion), vec2(at) * float(kFactor) + 0.5 * float(kFactor - 1u), z, pixel) &&
                  !(known > 0.0 && is_hidden(nearest, pixel, z));
-  // A square of whole side that begins within a pixel: of the first and the last of a row it covers a part each.
+  // A square of integer side with a subpixel start: the first and the last pixel of a row are covered partly.
   int side = int(view().mean * kFactor);
   vec2 begin = pixel - 0.5 * float(side - 1);
   ivec2 first = ivec2(floor(begin)), last = ivec2(view().camera.width, view().camera.height) - 1;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Brings colour to depth: each depth pixel asks the colour image for what it sees. What something nearer hides from the
-// colour camera gets no colour (0).
+// Registers color to depth: each depth pixel samples the color image at its projection. Points occluded in the color
+// camera get no color (0).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"

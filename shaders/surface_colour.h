@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Where a depth pixel's point is seen by the colour camera. The camera stays the same as long as a kernel lives, and so the
-// kernels are made with it: a CPU device reads a push constant for each lane by itself.
+// Projection of a depth pixel into the color camera. The camera is fixed for the lifetime of a kernel, so its
+// parameters are specialization constants: a CPU device reads push constants separately for each lane.
 #ifndef CAIRN_SURFACE_COLOUR_H
 #define CAIRN_SURFACE_COLOUR_H
 #include "shaders/surface.h"
@@ -11,7 +11,7 @@
 
 namespace cairn::shader {
 
-/// What the kernels are made with: the sensor's numbers, then the words of the view, and the factor.
+/// Specialization constants of the kernels: the sensor model, then the words of the view, and the factor.
 inline std::vector<float> constants_of(const SensorModel& sensor, const ColourView& view, uint factor) {
   const auto first = constants_of(sensor);
   std::vector<float> all(first.size() + sizeof(view) / sizeof(float));
@@ -54,7 +54,7 @@ layout(constant_id = 31) const float kWidest = 1.0;
 layout(constant_id = 32) const uint kCell = 2;
 layout(constant_id = 33) const uint kMean = 1;
 layout(constant_id = 34) const uint kIsRolling = 0;
-layout(constant_id = 35) const uint kFactor = 2;  // of surface_brightness: depth pixels a pixel, along a side
+layout(constant_id = 35) const uint kFactor = 2;  // for surface_brightness: depth pixels per pixel, along a side
 
 ColourView view() {
   return ColourView(Pinhole(kWidth, kHeight, kFx, kFy, kCx, kCy),
@@ -63,7 +63,7 @@ ColourView view() {
                     kMean, kIsRolling);
 }
 
-// Most cameras come undistorted; as constants, what bends nothing costs nothing.
+// Most cameras come undistorted; with constants, the compiler removes the distortion.
 vec2 bend_of_view(vec2 n) {
   bool is_straight = kIsFisheye == 0u && kK1 == 0.0 && kK2 == 0.0 && kP1 == 0.0 && kP2 == 0.0 && kK3 == 0.0 && kK4 == 0.0 &&
                      kK5 == 0.0 && kK6 == 0.0;
@@ -74,13 +74,14 @@ vec2 pixel_of_view(vec2 n) {
   return bend_of_view(n) * vec2(view().camera.fx, view().camera.fy) + vec2(view().camera.cx, view().camera.cy);
 }
 
-// Its pixel; false where the camera does not see it. `z`: its depth, there then.
+// Projects a depth pixel into the color image; false if outside. `z`: depth, on return in the color camera frame.
 bool seen_at(ShutterMotion motion, vec2 depth_pixel, inout float z, out vec2 pixel) {
   vec3 p = transform(view().colour_from_depth, z * vec3(depth_pixel, 1.0));
   z = p.z;
   vec2 n = p.xy / max(p.z, 1e-3);
   pixel = pixel_of_view(n);
-  if (view().is_rolling != 0u) {  // the row tells when; when moves the row by some pixels, and them by some hundredths
+  if (view().is_rolling != 0u) {  // the row gives the time, which moves the row by a few pixels; a second iteration
+                                  // would change it by hundredths
     vec3 then = at_row(motion, p, (pixel.y + 0.5) / float(view().camera.height));
     n = then.xy / max(then.z, 1e-3);
     pixel = pixel_of_view(n);
@@ -89,14 +90,14 @@ bool seen_at(ShutterMotion motion, vec2 depth_pixel, inout float z, out vec2 pix
          pixel.x <= float(view().camera.width - 1u) && pixel.y <= float(view().camera.height - 1u);
 }
 
-// Cells along the colour image, as many as nearest_bytes of preprocess.cpp makes; by float, since a CPU device divides no
-// vectors of integers.
+// Number of cells in the color image, as computed by nearest_bytes of preprocess.cpp; in float, since a CPU device does
+// not vectorize integer division.
 ivec2 cells() { return ivec2((vec2(view().camera.width, view().camera.height) - 0.5) / float(view().cell)) + 1; }
 
-const float kUnknownDepth = 2.0;  // metres, where depth is missing: nothing there is fused, but no edge should appear
-const float kHidden = 0.03;       // metres, beside the noise, that something nearer is nearer by
+const float kUnknownDepth = 2.0;  // meters, assumed for missing depth: not integrated, but avoids artificial edges
+const float kHidden = 0.03;       // meters in addition to the noise, minimum depth difference of an occluder
 
-// Whether what the pixel of the colour camera sees is nearer than z. The four cells around it are asked.
+// True if a surface nearer than z occludes the pixel of the color camera. Tests the four surrounding cells.
 bool is_hidden(textureBuffer nearest, vec2 pixel, float z) {
   ivec2 count = cells(), cell = ivec2(floor((pixel + 0.5) / float(view().cell) - 0.5));
   ivec2 first = clamp(cell, ivec2(0), count - 1), last = clamp(cell + 1, ivec2(0), count - 1);
@@ -105,7 +106,7 @@ bool is_hidden(textureBuffer nearest, vec2 pixel, float z) {
   return nearer < z - (kHidden + 4.0 * depth_noise(z));
 }
 
-// Whole levels: unpackUnorm4x8 would divide each by 255.
+// Integer levels: unpackUnorm4x8 would divide each by 255.
 vec3 levels_of(uint rgba) { return vec3(ivec3(rgba & 0xffu, (rgba >> 8) & 0xffu, (rgba >> 16) & 0xffu)); }
 #endif
 #endif

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Drops measurements out of range and flying pixels, smooths what is left without crossing edges (Tomasi & Manduchi 1998,
-// with Tukey's biweight in place of the Gaussian of depth: it needs no exponential and ends at edges), and halves it: the
-// mean of those of four pixels that lie on one surface. `fusion` holds (depth bits, colour), not smoothed, since fusion
-// averages by itself; what is smooth is for normals and alignment. One thread does four pixels of two rows, which share
-// most of what they read.
+// Removes measurements out of range and flying pixels, and smooths the rest without crossing edges (Tomasi & Manduchi
+// 1998, with Tukey's biweight instead of the Gaussian in depth: no exponential, and zero across edges). Then halves the
+// image: the mean of the pixels of a 2x2 block on the same surface. `fusion` holds (depth bits, color) unsmoothed,
+// because fusion averages anyway; the smoothed depth is for normals and alignment. A thread processes four pixels of
+// two rows, which share most of their reads.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/surface.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceFilterPush push; };
-layout(constant_id = 4) const float kFusesColour = 1.0;  // it lies on depth
-layout(constant_id = 5) const float kKeepsFinest = 0.0;  // what is smooth is also asked for before it is halved
+layout(constant_id = 4) const float kFusesColour = 1.0;  // color is registered to depth
+layout(constant_id = 5) const float kKeepsFinest = 0.0;  // also writes the smoothed full-resolution depth
 FLOATS(0, depth);
 WORDS(1, colour);
 layout(binding = 2, scalar) writeonly buffer Fusion { uvec2 fusion[]; };
@@ -22,7 +22,7 @@ layout(binding = 4, scalar) writeonly buffer Half { float half_depth[]; };
 int width, height;
 ivec4 x;  // columns of the four pixels
 
-struct Row {  // eight pixels, from the second before the four
+struct Row {  // eight pixels, starting two before the four
   vec4 a, b;
 };
 
@@ -37,8 +37,8 @@ Row row_at(int y) {
 Row inverse_of(Row r) { return Row(inverse_depth(r.a), inverse_depth(r.b)); }
 vec4 middle_of(Row r) { return vec4(r.a.zw, r.b.xy); }
 
-// Weighted differences of inverse depth to the centres, summed over one row of five neighbours; g holds the spatial weights
-// at distances 0, 1 and 2.
+// Weighted differences of inverse depth to the centers, summed over a row of five neighbors; g holds the spatial
+// weights at distances 0, 1 and 2.
 void add_row(Row r, vec4 q, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 weights) {
   vec4 d0 = r.a - q, d1 = vec4(r.a.yzw, r.b.x) - q, d2 = middle_of(r) - q, d3 = vec4(r.a.w, r.b.xyz) - q, d4 = r.b - q;
   vec4 e0 = d0 * inverse, e1 = d1 * inverse, e2 = d2 * inverse, e3 = d3 * inverse, e4 = d4 * inverse;
@@ -53,14 +53,14 @@ void add_row(Row r, vec4 q, vec4 inverse, vec3 g, inout vec4 sum, inout vec4 wei
   weights += w0 + w1 + w2 + w3 + w4;
 }
 
-// A pixel between a nearer and a farther one lies on no surface: the sensor mixed both.
+// Flying pixels: a pixel between a nearer and a farther neighbor is not on a surface; the sensor mixed both.
 bvec4 between(vec4 a, vec4 z, vec4 b, vec4 jump) {
   vec4 da = a - z, db = b - z;
   vec4 crossed = step(da * db, vec4(-1e-12)) * step(vec4(1e-6), min(a, b)) * step(jump, min(abs(da), abs(db)));
   return greaterThan(crossed, vec4(0.5));
 }
 
-// What is measured there, and how noisy it is.
+// Valid depth of the four pixels, and its standard deviation.
 vec4 cleaned(Row above, Row here, Row below, out vec4 sigma) {
   vec4 z = middle_of(here);
   z = mix(vec4(0.0), z, greaterThanEqual(z, vec4(push.min_depth)));
@@ -72,7 +72,7 @@ vec4 cleaned(Row above, Row here, Row below, out vec4 sigma) {
   return mix(mix(z, vec4(0.0), across), vec4(0.0), along);
 }
 
-// Of five rows of inverse depths.
+// Smoothed depth from five rows of inverse depths.
 vec4 smoothed(Row r0, Row r1, Row r2, Row r3, Row r4, vec4 z, vec4 sigma, vec3 g) {
   vec4 q = inverse_depth(z), inverse = 1.0 / (push.range * sigma * q * q);
   vec4 sum = vec4(0.0), weights = vec4(0.0);
@@ -105,8 +105,8 @@ void main() {
   height = int(push.height);
   ivec2 place = thread_place();
   int y = 2 * place.y, first = 4 * place.x;
-  // Where four do not divide a row, its last four lie over those before them; of an odd row one more thread does four that
-  // begin at an odd column and are not halved.
+  // If the width is not a multiple of four, the last four pixels of a row overlap the preceding four. For an odd width,
+  // an extra thread processes four pixels that start at an odd column; these are not halved.
   if (first >= width + 4 * (width & 1) || y >= height) return;
   if (first + 4 > width) first = first >= width ? width - 4 : (width - 4) & ~1;
   x = first + ivec4(0, 1, 2, 3);

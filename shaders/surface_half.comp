@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Halves a depth image: the mean of those of four pixels that lie on one surface.
+// Halves a depth image: the mean of the pixels of a 2x2 block on the same surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"

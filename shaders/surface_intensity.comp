@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Luminance in 0..1, the mean of factor x factor pixels; -1 where one of them is over- or underexposed.
+// Luminance in 0..1, the mean of factor x factor pixels; -1 if any of them is over- or underexposed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"

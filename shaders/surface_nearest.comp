@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The depth of what is nearest to the colour camera, by cells of its image, as every second depth pixel of every second
-// row tells it.
+// Depth of the surface nearest to the color camera, by cell of its image, from every second depth pixel of every second
+// row.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -9,7 +9,7 @@
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceColourPush push; };
 FLOATS(0, depth);
-layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of depths, which are in their order
+layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of positive floats sort like integers
 
 void main() {
   ivec2 at = 2 * thread_place(), size = ivec2(push.width, push.height);

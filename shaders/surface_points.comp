@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Points and normals from depth, and packed pixels (see surface.h) from intensities. The normal looks at the camera; it
-// needs all four neighbours on the same surface.
+// Points and normals from depth, and packed pixels (see surface.h) from intensities. The normal points to the camera;
+// all four neighbors must be on the same surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -35,7 +35,7 @@ void main() {
   vec3 n = cross(dy, dx);
   points[i] = uvec2(floatBitsToUint(z), connected && z > 0.0 ? pack_normal(n / max(length(n), 1e-12)) : 0u);
   if (push.has_colour == 0u) return;
-  // What the photometric term reads: four neighbours' intensities and the depth; of the last row and column none.
+  // Input of the photometric term: intensities of four neighbors, and depth; empty in the last row and column.
   bool has_four = p.x + 1 < width && p.y + 1 < height;
   int right = has_four ? 1 : 0, below = has_four ? width : 0;
   uint depth_code = uint(int(min(z * 1000.0 + 0.5, 65535.0)));

@@ -1,25 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Removes lens distortion and, by how the camera moves, a rolling shutter: each pixel looks for the one whose point falls on
-// it at the frame's time. Colour is bilinear; depth is the nearest measurement (an average across an edge is no surface),
-// of a rolling shutter between four pixels of one surface.
+// Corrects lens distortion and, using the camera motion, the rolling shutter: each output pixel finds the raw pixel
+// whose point projects to it at the frame's time. Color is bilinear. Depth is the nearest measurement (an average
+// across an edge is no surface), except with a rolling shutter: interpolated between four pixels of a common surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
 #include "shaders/surface_colour.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceRectifyPush push; };
-layout(constant_id = 36) const uint kKeepsLens = 0;  // only the shutter is undone; the lens' rays are told by pixel
+layout(constant_id = 36) const uint kKeepsLens = 0;  // corrects the shutter only; the rays of the lens are given per
+                                                     // pixel
 layout(constant_id = 37) const uint kHasDepth = 1;
-layout(constant_id = 38) const uint kHasColour = 1;  // that lies on depth, or an image without depth
+layout(constant_id = 38) const uint kHasColour = 1;  // color registered to depth, or an image without depth
 FLOATS(0, raw_depth);
 WORDS(1, raw_colour);
 PAIRS(2, rays);
 layout(binding = 3, scalar) writeonly buffer Depth { float depth[]; };
 layout(binding = 4, scalar) writeonly buffer Colour { uint colour[]; };
 
-const int kIterations = 2;       // each leaves a hundredth of the error of the one before
-const float kOneSurface = 0.03;  // of the depth, between four pixels that are averaged
+const int kIterations = 2;       // each reduces the error to about a hundredth
+const float kOneSurface = 0.03;  // relative depth difference up to which four pixels are interpolated
 
 int width, height;
 
@@ -28,7 +29,7 @@ float measured(vec2 pixel) {
   return fetch(raw_depth, nearest.y * width + nearest.x);
 }
 
-// Between pixels of one surface the inverse depth is linear; else it is the nearest pixel's.
+// Linear in inverse depth between pixels of the same surface; else the nearest pixel.
 float measured_between(int at, vec2 f) {
   vec4 z = vec4(fetch(raw_depth, at), fetch(raw_depth, at + 1), fetch(raw_depth, at + width),
                 fetch(raw_depth, at + width + 1));
@@ -41,7 +42,7 @@ float measured_between(int at, vec2 f) {
 }
 
 void main() {
-  Pinhole camera = view().camera;  // its constants are those of the camera whose images these are
+  Pinhole camera = view().camera;  // the constants describe the camera of these images
   width = int(camera.width), height = int(camera.height);
   ivec2 place = thread_place();
   if (place.x >= width || place.y >= height) return;
@@ -73,7 +74,7 @@ void main() {
     uint a = fetch(raw_colour, at), b = fetch(raw_colour, at + 1), c = fetch(raw_colour, at + width),
          d = fetch(raw_colour, at + width + 1);
     ivec3 rgb = ivec3(mix(mix(levels_of(a), levels_of(b), f.x), mix(levels_of(c), levels_of(d), f.x), f.y) + 0.5);
-    // Beside pixels without colour there is none.
+    // No color next to pixels without color.
     uint word = uint(rgb.r | (rgb.g << 8) | (rgb.b << 16)) | (a & b & c & d & 0xff000000u);
     colour[i] = inside || !is_rolling ? word : 0xff000000u;
   }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The colour of a surface's points from keyframes that see them. A keyframe is on the device as a view: by pixel (depth
-// and confidence as half floats, colour), and an image of a quarter of the size with the colour's low frequencies.
+// Color of surface points from the keyframes in which they are visible. A keyframe is on the device as a view: by pixel
+// (depth and confidence as half floats, color), and an image of a quarter of the size with the low frequencies of the
+// color.
 #ifndef CAIRN_TEXTURE_H
 #define CAIRN_TEXTURE_H
 #include "shaders/types.h"
@@ -11,14 +12,14 @@ namespace cairn::shader {
 #endif
 
 const uint kTileSide = 8;     // texels
-const uint kTileTexels = 64;  // that choose their views together
-const uint kTileViews = 12;   // views that a tile looks at, at most
+const uint kTileTexels = 64;  // texels with a common selection of views
+const uint kTileViews = 12;   // maximum number of views per tile
 const uint kNoView = 0xffffffffu;
 
 struct Texel {     // a point under a texel
-  vec3 position;   // metres, world
+  vec3 position;   // meters, world
   uint normal;     // packed; 0: no point
-  uint colour;     // what it has without views; bytes R, G, B
+  uint colour;     // color without views; bytes R, G, B
 };
 
 struct TextureView {
@@ -26,16 +27,16 @@ struct TextureView {
   vec3 velocity;   // of the camera in its own frame, m/s
   vec3 turn_rate;  // rad/s
   float delay;     // seconds from the depth image to the colour image
-  vec3 gain;       // its colours are multiplied with
+  vec3 gain;       // factor on its colors
   uvec2 pixels;    // device addresses
   uvec2 blurred;
 };
 
-// How the colour camera differs from the depth camera whose images its own are said to lie on.
+// Corrections of the color camera relative to the depth camera to which its images are registered.
 struct ColourCamera {
   vec3 rotation;   // small rotation, rad
-  vec3 translation;  // metres
-  float focal_scale;  // of its focal length; 1: the same
+  vec3 translation;  // meters
+  float focal_scale;  // focal length factor; 1: equal focal lengths
 };
 
 struct TexturePreparePush {
@@ -46,8 +47,8 @@ struct TextureBlendPush {
   Pinhole camera;
   uint tiles;
   ColourCamera colour;
-  uint views;       // TextureView that there are
-  float tolerance;  // metres that a surface may lie behind what was measured, beside the noise
+  uint views;       // number of TextureView
+  float tolerance;  // meters in addition to the noise, maximum depth of a surface behind the measurement
 };
 
 struct TextureSamplePush {
@@ -55,7 +56,7 @@ struct TextureSamplePush {
   ColourCamera colour;
   uint points;
   float tolerance;
-  uint sharp;  // 1: colours as they are; 0: their low frequencies
+  uint sharp;  // 1: full colors; 0: low frequencies only
 };
 
 #ifdef __cplusplus
@@ -85,10 +86,10 @@ inline Eigen::Vector3f unpack_normal(uint code) {
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ViewPixels { uvec2 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ViewBlurred { uint v[]; };
 
-const float kExposure = 0.01;  // seconds, of a usual indoor image
+const float kExposure = 0.01;  // seconds, typical for an indoor image
 
-// How good a view is for a point: its texels a square metre, less where the image was moving, at depth edges and at its
-// own. 0: it does not see the point. `pixel` is of the colour image, which was taken `delay` later.
+// Weight of a view for a point: its texels per square meter, reduced for motion blur and at depth edges and image
+// borders. 0: the point is not visible. `pixel` is in the color image, which was taken `delay` later.
 float view_weight(TextureView view, Pinhole camera, ColourCamera colour, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
   vec3 p = transform(view.camera_from_world, position), moving = view.velocity + cross(view.turn_rate, p);
   vec3 later = p - view.delay * moving;
@@ -110,7 +111,7 @@ float view_weight(TextureView view, Pinhole camera, ColourCamera colour, vec3 po
 
 vec3 colour_of(uint word) { return unpackUnorm4x8(word).rgb; }
 
-// Between four pixels.
+// Bilinear.
 vec3 sharp_colour(TextureView view, Pinhole camera, vec2 pixel) {
   uvec2 corner = uvec2(pixel);
   vec2 f = pixel - vec2(corner);
@@ -121,7 +122,7 @@ vec3 sharp_colour(TextureView view, Pinhole camera, vec2 pixel) {
   return view.gain * mix(above, below, f.y);
 }
 
-// Pixel (i, j) of the blurred image is the mean around the middle of the block of 4 x 4 that begins at 4 (i, j).
+// Pixel (i, j) of the blurred image is the mean around the center of the block of 4 x 4 that starts at 4 (i, j).
 vec3 smooth_colour(TextureView view, Pinhole camera, vec2 pixel) {
   uvec2 size = uvec2(camera.width >> 2, camera.height >> 2);
   vec2 at = clamp((pixel - 1.5) * 0.25, vec2(0.0), vec2(size - 1u) - 0.001);

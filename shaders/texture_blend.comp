@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The colour of each texel from its tile's views, in two bands (Burt & Adelson 1983): low frequencies are a mean of all
-// views, in which seams do not show; high ones come from the best view nearly alone, so that views that are a little
-// beside each other make no ghosts. Views whose colour is far from the others' see something else: they are left out.
+// Color of each texel from its tile's views, in two bands (Burt & Adelson 1983): low frequencies are a mean of all
+// views, which hides seams; high frequencies come almost only from the best view, so that slightly misaligned views
+// cause no ghosting. Views with a color far from the mean see another surface and are excluded.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/texture.h"
@@ -11,9 +11,9 @@ layout(push_constant, scalar) uniform Push { TextureBlendPush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
 layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
 layout(binding = 2, scalar) readonly buffer Chosen { uvec2 chosen[]; };
-layout(binding = 3, scalar) writeonly buffer Colours { uint colours[]; };  // alpha 0: no view sees it
+layout(binding = 3, scalar) writeonly buffer Colours { uint colours[]; };  // alpha 0: visible in no view
 
-const float kDiffers = 0.1;  // of the range of colours: where half of the belief is gone, about
+const float kDiffers = 0.1;  // color difference, in 0..1, that reduces the confidence to about a quarter
 
 void main() {
   uint i = thread_index(), tile = i / kTileTexels;

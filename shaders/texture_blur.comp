@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The low frequencies of a view's colour at a quarter of the size: means over 12 x 12 pixels, of those that lie on the
-// same surface as the one in the middle.
+// Low frequencies of a view's color at a quarter of the size: means over 12 x 12 pixels, restricted to pixels on the
+// surface of the center pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/texture.h"

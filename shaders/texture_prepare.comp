@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A frame becomes a view: how far each pixel can be trusted to show the surface at its depth. Colour and depth images
-// lie on each other within a few pixels only, so edges of things are trusted less, and so is the image's own border.
-// Where nothing was measured the map tells what can be seen.
+// Converts a frame to a view, with a confidence that each pixel shows the surface at its depth. Color and depth images
+// are aligned only within a few pixels, so depth edges and the image border get a lower confidence. Missing depth is
+// filled from the map.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/texture.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TexturePreparePush push; };
 layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // depth bits, colour
-layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };  // the map from there at half the size: depth bits
+layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };  // raycast of the map at half the size: depth
+                                                                       // bits
 layout(binding = 2, scalar) writeonly buffer Pixels { uvec2 pixels[]; };
 
 const int kNear = 2, kFar = 5;  // pixels
@@ -20,7 +21,8 @@ float depth_at(ivec2 p) {
   return uintBitsToFloat(fusion[uint(p.y) * push.camera.width + uint(p.x)].x);
 }
 
-// Whether the surface breaks between two pixels on either side; on a plane depths on both sides cancel.
+// True if the surface has a discontinuity between two pixels on opposite sides; on a plane their depth differences
+// cancel.
 bool breaks(ivec2 p, ivec2 step_p, float z, float jump) {
   float a = depth_at(p + step_p), b = depth_at(p - step_p);
   return (a > 0.0 && b > 0.0 && abs(a + b - 2.0 * z) > jump) || ((a == 0.0) != (b == 0.0));
@@ -41,7 +43,7 @@ void main() {
   ivec2 to_border = min(p, ivec2(push.camera.width, push.camera.height) - 1 - p);
   float confidence = clamp(float(min(to_border.x, to_border.y)) / kBorder, 0.02, 1.0);
   confidence *= near ? 0.02 : far ? 0.2 : 1.0;
-  // Over- and underexposed pixels have lost their colour.
+  // Overexposed pixels have lost their color.
   vec3 c = colour_of(word.y);
   confidence *= min(min(c.r, c.g), c.b) > 0.985 ? 0.1 : 1.0;
   uvec2 half_size = uvec2(push.camera.width >> 1, push.camera.height >> 1);

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a view sees at some points: for the comparison of exposures.
+// Samples the color of a view at some points, for exposure compensation.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/texture.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureSamplePush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
-layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };  // one
-layout(binding = 2, scalar) writeonly buffer Colours { uint colours[]; };  // 0: not seen
+layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };  // a single view
+layout(binding = 2, scalar) writeonly buffer Colours { uint colours[]; };  // 0: not visible
 
-const float kSure = 0.1;  // pixels at edges, slanted and moving ones are less
+const float kSure = 0.1;  // pixels at edges, slanted or moving surfaces have less
 
 void main() {
   uint i = thread_index();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The views that see most of a tile best. One thread a tile.
+// Selects the views with the largest weight for a tile. One thread per tile.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/texture.h"
@@ -8,11 +8,11 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureBlendPush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
 layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
-layout(binding = 2, scalar) buffer Chosen { uvec2 chosen[]; };  // kTileViews a tile: weight bits and view
+layout(binding = 2, scalar) buffer Chosen { uvec2 chosen[]; };  // kTileViews per tile: weight bits and view
 
 const uint kSamples = 5;
 
-// The texel nearest to a place of the tile that has a point.
+// Texel with a point closest to a sample position of the tile.
 uint sample_of(uint tile, uint k) {
   uint place = k == 0u ? 27u : k == 1u ? 9u : k == 2u ? 14u : k == 3u ? 49u : 54u, found = kNoView;
   for (uint i = 0u; i < kTileTexels && found == kNoView; ++i) {
@@ -37,7 +37,7 @@ void main() {
       vec2 pixel;
       weight += view_weight(view, push.camera, push.colour, t.position, unpack_normal(t.normal), push.tolerance, pixel);
     }
-    // Takes the place of the worst one; weights are not negative, so that their bits are in their order.
+    // Insertion sort, which drops the worst view; weights are not negative, so their bits sort like integers.
     uvec2 mine = uvec2(floatBitsToUint(weight), v);
     for (uint k = 0u; k < kTileViews; ++k) {
       uvec2 other = chosen[first + k];

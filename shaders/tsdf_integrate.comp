@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Fuses a depth image into bricks (Curless & Levoy 1996, eq. 3 and 4). One workgroup a brick; a thread does columns of
-// eight voxels along z. What is in front of the measurement by more than the truncation becomes free space: surfaces
-// that have gone are carved away.
+// Integrates a depth image into bricks (Curless & Levoy 1996, eq. 3 and 4). One workgroup per brick; a thread processes
+// columns of eight voxels along z. Voxels in front of the measurement by more than the truncation become free space,
+// which carves away removed surfaces.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
@@ -13,23 +13,24 @@ layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selection { Selected selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
 PAIRS(2, fusion);  // (depth bits, colour)
-layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: whether a distance is new
+layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: 1 if a distance has
+                                                                            // changed
 layout(binding = 4, scalar) uniform Counts { FusionCounts counts; };
 POOL(5);
 
-// One 64-bit store instead of two of 32 bits: half the cost of memory on a CPU device.
+// A single 64-bit store instead of two of 32 bits: half the memory cost on a CPU device.
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
 
 const float kMaxColourWeight = 32.0;
-const float kSigmas = 3.0;      // and a voxel, that two views of one side may differ by
-const float kLeastTrust = 0.1;  // in what lies twice as far behind
+const float kSigmas = 3.0;      // plus a voxel, maximum disagreement of two views of the same side
+const float kLeastTrust = 0.1;  // for twice that distance behind the surface
 
-// Conversions go through int: CPU devices have no vector instruction for unsigned ones.
+// Conversions go through int: CPU devices have no vector instruction for unsigned conversions.
 vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rgb >> 16) & 0xffu)); }
 
 void main() {
   if (group_index() >= counts.selected) return;
-  // All that is read once for all columns: on a CPU device that is dear.
+  // Reads everything once for all columns, because reads are expensive on a CPU device.
   Selected brick = selected[group_index()];
   Rigid camera_from_submap = local(push.camera_from_submap);
   float voxel_size = push.voxel_size, inverse_truncation = 1.0 / push.truncation;
@@ -41,11 +42,12 @@ void main() {
   int width = int(push.camera.width), height = int(push.camera.height);
   float max_weight = push.max_weight;
   bool has_colour = push.has_colour != 0u;
-  // Behind the farthest measurement, and the truncation, nothing is fused. A little more: of that, distances decide.
+  // Nothing is integrated behind the farthest measurement plus the truncation. Slightly enlarged; the exact test uses
+  // the distances.
   float farthest = 1.001 * (brick.farthest + push.truncation);
-  // Means have whole levels: what a measurement adds to one is rounded up as often as its fraction says, by another
-  // threshold each frame (Weyl's sequence of the golden ratio; columns begin apart). Rounded to the nearest one, means of
-  // many would follow no change of less than 16 levels.
+  // Means are stored as integer levels, so an increment is rounded up with a probability equal to its fraction, by a
+  // threshold that changes per frame (Weyl sequence of the golden ratio; columns have different offsets). With rounding
+  // to nearest, a mean of many frames would ignore changes of less than 16 levels.
   float first_threshold = 0.618034 * float(int(push.fused_count & 4095u));
 
   uint differs = 0u;
@@ -68,8 +70,8 @@ void main() {
         float weight = depth_weight(z);
         float old_weight = voxel_weight(old.x);
         float d = voxel_distance(old.x);
-        // Where one says in front of the surface and the other one behind it, a sheet may have been seen from both its
-        // sides: what lies far behind is the other side's to tell.
+        // Opposite signs may mean that a thin sheet was seen from both sides: the value far behind the surface then
+        // loses its weight to the value of the other side.
         float behind = -min(d, sdf) * push.truncation, near = voxel_size + kSigmas * depth_noise(z);
         float trust = d * sdf < 0.0 ? clamp(2.0 - behind / near, kLeastTrust, 1.0) : 1.0;
         weight *= sdf < 0.0 ? trust : 1.0;
@@ -79,7 +81,7 @@ void main() {
         uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
                                         int(min(sum, max_weight) * kWeightUnits + 0.5));
         differs |= (word ^ old.x) & 0xffffu;
-        differs |= old.x < 0x10000u ? 1u : 0u;  // observed for the first time
+        differs |= old.x < 0x10000u ? 1u : 0u;  // first observation
         uint rgb = old.y;
         if (has_colour && sdf < 1.0 && measured.y >= 0x1000000u) {
           float n = float(int(rgb >> 24));

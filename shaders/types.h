@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Types that GLSL (scalar block layout) and C++ share. Include it first in every shader and stage header.
+// Types shared by GLSL (scalar block layout) and C++. Include first in every shader and stage header.
 #ifndef CAIRN_TYPES_H
 #define CAIRN_TYPES_H
 #ifdef __cplusplus
@@ -30,7 +30,7 @@ using ivec3 = Triple<int>;
 using uvec2 = Pair<uint>;
 #else
 #extension GL_EXT_scalar_block_layout : require
-#define constexpr  // what functions are in C++ that both languages read
+#define constexpr  // qualifier of functions shared with C++
 #endif
 
 struct Pinhole {  // pixels; see cairn/camera.hpp
@@ -42,14 +42,14 @@ struct Pinhole {  // pixels; see cairn/camera.hpp
   float cy;
 };
 
-struct Rigid {  // a rigid transform: columns of the rotation, then the translation in metres
+struct Rigid {  // rigid transform: columns of the rotation, then the translation in meters
   vec3 x;
   vec3 y;
   vec3 z;
   vec3 t;
 };
 
-struct Groups {  // of workgroups: what dispatchIndirect reads
+struct Groups {  // number of workgroups, in the layout of dispatchIndirect
   uint x;
   uint y;
   uint z;
@@ -60,7 +60,7 @@ inline Pinhole pinhole(const Camera& c) {
   return {static_cast<uint>(c.width), static_cast<uint>(c.height), static_cast<float>(c.fx),
           static_cast<float>(c.fy),   static_cast<float>(c.cx),    static_cast<float>(c.cy)};
 }
-/// A Buffer's device address as shaders take it; low word first.
+/// Device address of a Buffer for shaders; low word first.
 template <class Buffer>
 uvec2 address(const Buffer& buffer) {
   return {static_cast<uint>(buffer.address()), static_cast<uint>(buffer.address() >> 32)};
@@ -71,16 +71,16 @@ inline Rigid rigid(const Eigen::Isometry3d& t) {
 }
 }  // namespace cairn::shader
 #else
-// Devices guarantee 65,535 workgroups along x alone: gpu::Kernel folds longer rows along y, and the threads beyond the
-// end are for the shader to leave out. Of shaders with 64 threads a group:
+// Devices guarantee 65,535 workgroups along x only: gpu::Kernel folds longer rows along y, and the shader must skip the
+// threads beyond the end. For shaders with 64 threads per group:
 uint group_index() { return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x; }
 uint thread_index() { return group_index() * 64u + gl_LocalInvocationID.x; }
-// Of shaders with a row of threads a row of pixels: a CPU device divides no vectors, and i / width costs it as much as the
-// rest of a small kernel.
+// For shaders with a row of threads per row of pixels: a CPU device does not vectorize integer division, and i / width
+// would cost as much as the rest of a small kernel.
 ivec2 thread_place() { return ivec2(gl_GlobalInvocationID.xy); }
 
-// Copies member by member, for what a loop or a branch reads: whole structs of push constants that are copied are read
-// again at each use, and a CPU device reads them slowly.
+// Copies member by member, for use in loops and branches: a struct copy of push constants is read again at each use,
+// and a CPU device reads push constants slowly.
 Pinhole local(Pinhole c) { return Pinhole(c.width, c.height, c.fx, c.fy, c.cx, c.cy); }
 Rigid local(Rigid m) { return Rigid(m.x, m.y, m.z, m.t); }
 
@@ -92,7 +92,7 @@ vec3 inverse_transform(Rigid m, vec3 p) { return inverse_rotate(m, p - m.t); }
 vec3 ray_through(Pinhole c, vec2 pixel) { return vec3((pixel - vec2(c.cx, c.cy)) / vec2(c.fx, c.fy), 1.0); }
 vec2 project(Pinhole c, vec3 p) { return vec2(c.fx, c.fy) * p.xy / p.z + vec2(c.cx, c.cy); }
 
-// Unit vectors in 32 bits (Cigolle et al. 2014, octahedral). 0 never stands for a vector: it means "none".
+// Unit vectors in 32 bits (Cigolle et al. 2014, octahedral). 0 is never a vector; it means "none".
 uint pack_normal(vec3 n) {
   n /= abs(n.x) + abs(n.y) + abs(n.z);
   vec2 e = n.z >= 0.0 ? n.xy : (1.0 - abs(n.yx)) * vec2(n.x >= 0.0 ? 1.0 : -1.0, n.y >= 0.0 ? 1.0 : -1.0);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The volume on the device. A brick is 8x8x8 voxels with OpenVDB's leaf order, z fastest: x * 64 + y * 8 + z. Voxel
-// coordinates are integers, voxel (i, j, k) samples the point voxel_size * (i, j, k) of the submap frame; brick (i, j, k)
-// starts at voxel 8 (i, j, k). The page table is a dense window of 2^table_bits bricks a side that wraps around: brick b
-// lies at b mod its side. An entry is slot + 1, 0 for a brick that nobody has seen, kPending or kOnHost.
+// Volume on the device. A brick is 8x8x8 voxels in OpenVDB's leaf order, z fastest: x * 64 + y * 8 + z. Voxel
+// coordinates are integers: voxel (i, j, k) samples the point voxel_size * (i, j, k) of the submap frame; brick (i, j,
+// k) starts at voxel 8 (i, j, k). The page table is a dense window of 2^table_bits bricks per side that wraps around:
+// the entry of brick b is at b modulo the side. An entry is slot + 1, 0 for a brick never observed, kPending or
+// kOnHost.
 #ifndef CAIRN_VOLUME_H
 #define CAIRN_VOLUME_H
 #ifdef __cplusplus
@@ -16,16 +17,16 @@ namespace cairn::shader {
 #endif
 
 const uint kBrickVoxels = 512;
-const uint kPending = 0xffffffffu;  // page-table entry of a brick that waits for a slot
-const uint kOnHost = 0xfffffffeu;   // of one whose voxels are on the host
+const uint kPending = 0xffffffffu;  // page-table entry of a brick waiting for a slot
+const uint kOnHost = 0xfffffffeu;   // page-table entry of a brick on the host
 const uint kNoSlot = 0xffffffffu;
 
 struct VolumeView {
   uvec2 voxels;       // device address of the pool: brick slots, each kBrickVoxels uvec2
   ivec3 origin;       // first brick of the window
-  uint table_bits;    // the window has 2^table_bits bricks a side
-  float voxel_size;   // metres
-  float truncation;   // metres
+  uint table_bits;    // the window has 2^table_bits bricks per side
+  float voxel_size;   // meters
+  float truncation;   // meters
 };
 
 struct BrickMarkPush {
@@ -33,38 +34,38 @@ struct BrickMarkPush {
   Pinhole camera;
   Rigid submap_from_camera;
   uint capacity;  // of the list of new bricks
-  uint vacant;    // slots to give to them
-  uint stride;    // pixels; every stride-th of a row and a column is looked at
-  uint phase;     // which of them: changes from frame to frame
+  uint vacant;    // slots available for them
+  uint stride;    // pixels; every stride-th pixel of a row and a column is used
+  uint phase;     // offset within the stride, changes from frame to frame
 };
 
 struct BrickFreePush {
   VolumeView volume;
   Pinhole camera;
   Rigid camera_from_submap;
-  ivec3 first;    // of the bricks to look at
-  uint size;      // of their box: x | y << 10 | z << 20; a row of threads is one layer along z
-  float min_depth;  // metres
+  ivec3 first;    // first brick of the box to test
+  uint size;      // size of the box: x | y << 10 | z << 20; a row of threads is a layer along z
+  float min_depth;  // meters
 };
 
 struct VoxelFreePush {
   Pinhole camera;
   Rigid camera_from_submap;
-  uint bricks;       // that the list holds at most
-  float voxel_size;  // metres
-  float truncation;  // metres
+  uint bricks;       // capacity of the list
+  float voxel_size;  // meters
+  float truncation;  // meters
 };
-const uint kPartsAGroup = 4u;  // bricks a workgroup
+const uint kPartsAGroup = 4u;  // bricks per workgroup
 
 struct BrickSelectPush {
   Pinhole camera;
   Rigid submap_from_camera;
-  uint slots;         // slots to look at
+  uint slots;         // number of slots to test
   uint capacity;      // of the list of selected bricks
-  uint fused_count;         // the frame, for the slots' last use
-  float brick_size;   // metres
-  float truncation;   // metres
-  float min_depth;    // metres
+  uint fused_count;         // current frame, for the slots' last_seen
+  float brick_size;   // meters
+  float truncation;   // meters
+  float min_depth;    // meters
 };
 
 struct TsdfIntegratePush {
@@ -75,7 +76,7 @@ struct TsdfIntegratePush {
   float voxel_size;
   float truncation;
   float max_weight;
-  uint fused_count;         // the frame
+  uint fused_count;         // current frame
 };
 
 struct DepthTilesPush {
@@ -98,22 +99,22 @@ struct RaycastPush {
   Rigid submap_from_camera;
 };
 
-// Of one pass over a frame; the host begins it with {0, 1, 1} groups and zeros.
+// Counters of one pass over a frame; the host initializes them with {0, 1, 1} groups and zeros.
 struct FusionCounts {
-  Groups placed;     // bricks that are listed: a workgroup for each
-  Groups fused;      // bricks that are selected: folded, see group_index
-  Groups looked_at;  // bricks that are free in part: a workgroup for kPartsAGroup
-  uint missing;      // bricks that the frame needs and that were not on the device
-  uint waiting;      // of them those that found no slot, or that the host has: the pass then fuses nothing
+  Groups placed;     // listed bricks: a workgroup each
+  Groups fused;      // selected bricks: folded, see group_index
+  Groups looked_at;  // partly free bricks: a workgroup per kPartsAGroup
+  uint missing;      // bricks needed by the frame and not on the device
+  uint waiting;      // subset without a slot or on the host: the pass then integrates nothing
   uint selected;
-  uint free;          // bricks that turned out to be free as a whole
-  uint free_in_part;  // bricks that may be so in part
+  uint free;          // completely free bricks
+  uint free_in_part;  // possibly partly free bricks
 };
-const uint kMostGroups = 65535u;  // along x, that all devices take
+const uint kMostGroups = 65535u;  // limit along x guaranteed by all devices
 
 struct Selected {
   uint slot;
-  float farthest;  // metres, of what the depth image sees in front of or in the brick
+  float farthest;  // meters, farthest measurement in the tiles that the brick covers
 };
 
 struct SlotState {
@@ -122,7 +123,8 @@ struct SlotState {
   uint last_seen;  // fused_count of the last frame that integrated into it
 };
 
-// One change of residency: the brick gets a slot and empty voxels (entry = slot + 1), or loses it (0 or kOnHost).
+// One change of residency: the brick gets a slot with empty voxels (entry = slot + 1), or loses its slot (0 or
+// kOnHost).
 struct Placement {
   ivec3 brick;
   uint slot;
@@ -136,16 +138,17 @@ struct BrickPlacePush {
   uint fused_count;
 };
 
-// One submap's share of a brick of the world: where the brick's voxels lie in the submap, and the submap's bricks there.
+// Contribution of a submap to a world brick: the pose of the brick in the submap, and the submap's bricks there.
 struct MergeSource {
-  Rigid source_from_target;  // voxels; the source's origin is the first voxel of slots[0], the target's that of its brick
+  Rigid source_from_target;  // voxels; the source's origin is the first voxel of slots[0], the target's that of its
+                             // brick
   uint slots[27];            // x + 3 (y + 3 z); or kEmptySlot, kFreeSlot
 };
-const uint kEmptySlot = 0u;  // holds voxels that nobody observed
-const uint kFreeSlot = 1u;   // holds voxels that were seen to be free and nothing more
+const uint kEmptySlot = 0u;  // holds unobserved voxels
+const uint kFreeSlot = 1u;   // holds voxels that are free but unobserved
 
 struct MergeTarget {
-  uint first;  // of the list of sources
+  uint first;  // index of the first source
   uint count;
 };
 
@@ -159,7 +162,7 @@ const uint kTile = 8;  // pixels; side of the tiles of depth and range images
 constexpr uint tiles_along(uint pixels) { return (pixels + kTile - 1u) / kTile; }
 
 #ifdef __cplusplus
-/// Tiles of a camera's image.
+/// Number of tiles of a camera's image.
 inline uint tiles(const Camera& camera) {
   return tiles_along(static_cast<uint>(camera.width)) * tiles_along(static_cast<uint>(camera.height));
 }
@@ -168,12 +171,12 @@ static_assert(sizeof(BrickMarkPush) <= 128 && sizeof(BrickFreePush) <= 128 && si
 #else
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Voxels { uvec2 v[]; };
 
-// The tiles that a box along the camera's axes may cover, `low` and `high` in x and y, `near` and `far` along z.
+// Tiles possibly covered by a box along the camera axes, with `low` and `high` in x and y, `near` and `far` along z.
 struct TileRange {
   uvec2 first;
   uvec2 last;
   bool is_in_view;
-  bool is_whole;  // all of it is in view
+  bool is_whole;  // completely in view
 };
 TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float far) {
   vec2 f = vec2(camera.fx, camera.fy), c = vec2(camera.cx, camera.cy);
@@ -195,7 +198,7 @@ uint table_index(VolumeView volume, ivec3 brick) {
   uvec3 b = uvec3(brick) & ((1u << volume.table_bits) - 1u);
   return (((b.z << volume.table_bits) | b.y) << volume.table_bits) | b.x;
 }
-// The slot behind a page-table entry.
+// Slot of a page-table entry.
 uint slot_of_entry(uint entry) { return entry >= kOnHost ? kNoSlot : entry - 1u; }
 uint voxel_index(uint slot, ivec3 voxel) {
   uvec3 v = uvec3(voxel) & 7u;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// A voxel of the TSDF is two words:
-//   x   distance (signed 16 bits, kDistanceUnits a truncation) | weight (16 bits, kWeightUnits an observation) << 16
-//   y   red | green << 8 | blue << 16 | colour weight << 24
-// The host holds both in 64 bits, x in the lower half. Weight 0: never observed.
+// A TSDF voxel is two words:
+//   x   distance (signed 16 bits, kDistanceUnits per truncation) | weight (16 bits, kWeightUnits per observation) << 16
+//   y   red | green << 8 | blue << 16 | color weight << 24
+// The host stores both in 64 bits, x in the lower half. Weight 0: unobserved.
 #ifndef CAIRN_VOXEL_H
 #define CAIRN_VOXEL_H
 #include "shaders/types.h"
@@ -15,11 +15,11 @@ namespace cairn::shader {
 const float kDistanceUnits = 32767.0f;
 const float kWeightUnits = 256.0f;
 
-// The word x, of whole units.
+// Packs the word x, in integer units.
 constexpr uint distance_and_weight(int distance, int weight) { return (uint(distance) & 0xffffu) | (uint(weight) << 16); }
 
 #ifdef __cplusplus
-/// Of a distance in truncations and a weight in observations; `colour` is the word y.
+/// Packs a distance in truncations and a weight in observations; `colour` is the word y.
 inline std::uint64_t pack_voxel(float distance, float weight, uint colour = 0) {
   return distance_and_weight(static_cast<int>(std::lround(distance * kDistanceUnits)),
                              static_cast<int>(std::lround(weight * kWeightUnits))) |
@@ -33,10 +33,10 @@ inline float voxel_weight(std::uint64_t voxel) {  // observations
 }
 }  // namespace cairn::shader
 #else
-// Conversions go through int: CPU devices have no vector instruction for unsigned ones.
+// Conversions go through int: CPU devices have no vector instruction for unsigned conversions.
 float voxel_distance(uint word) { return float(bitfieldExtract(int(word), 0, 16)) * (1.0 / kDistanceUnits); }  // truncations
 float voxel_weight(uint word) { return float(int(word >> 16)) * (1.0 / kWeightUnits); }  // observations
-// The least weight, in units, of voxels that were observed at least so many times.
+// Minimum weight, in units, of voxels with at least this number of observations.
 uint least_weight(float observations) { return max(1u, uint(observations * kWeightUnits)); }
 #endif
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Which voxels of bricks lie in front of what the depth image sees, by more than the truncation: a ray has passed them.
-// All four pixels around must say so: one that is wrong by far makes nothing free behind a surface. A thread does 32
+// Finds the voxels of bricks in front of the depth image by more than the truncation: a ray has passed them. All four
+// pixels around must agree, so that a gross outlier does not free voxels behind a surface. A thread processes 32
 // voxels, a word of bits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -9,7 +9,7 @@
 #include "shaders/volume.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { VoxelFreePush push; };
-FLOATS(0, least);  // depth of 2x2 pixels
+FLOATS(0, least);  // nearest depth of 2x2 pixels
 layout(binding = 1, scalar) readonly buffer PartBricks { ivec3 bricks[]; };
 layout(binding = 2, scalar) writeonly buffer Bits { uint bits[]; };
 

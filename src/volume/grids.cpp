@@ -204,7 +204,7 @@ class FileWriter : private openvdb::io::Archive {
 };
 
 /// One of a map's grids: conversion from voxels, and its packed leaves.
-///  `is_signed`: the sign of an inactive voxel marks its side of the surface, as in level sets.
+/// `is_signed`: the sign of an inactive voxel marks its side of the surface, as in level sets.
 template <class GridType, class Value, bool is_signed>
 class MapGrid {
  public:
