@@ -15,13 +15,13 @@
 namespace cairn::gpu {
 namespace {
 
-constexpr std::uint64_t kChunk = 256 << 10;     // bytes of a staging chunk, at least
-constexpr std::uint64_t kKeepAtMost = 8 << 20;  // staging bytes that stay between runs: some frames' images
-constexpr std::size_t kMostUnderWay = 32;       // batches; each holds its staging memory until it has ended
-// Memory that the host may read and write, and for downloads, where there is such, reads fast.
+constexpr std::uint64_t kChunk = 256 << 10;     // minimum size of a staging chunk, bytes
+constexpr std::uint64_t kKeepAtMost = 8 << 20;  // staging bytes kept between runs: the images of a few frames
+constexpr std::size_t kMostUnderWay = 32;       // batches in flight; each keeps its staging memory until it finishes
+// Host-visible memory. Downloads prefer host-cached memory, which the host reads faster.
 constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
 
-/// Of the device's buffers no one else looks after the ends.
+/// Validates a range, since Vulkan does not check buffer bounds.
 void check_range(const char* what, const Buffer& buffer, std::uint64_t offset, std::uint64_t bytes) {
   if (!buffer) throw std::logic_error(std::string(what) + ": the buffer has no memory");
   if (offset > buffer.size() || bytes > buffer.size() - offset)
@@ -53,7 +53,7 @@ Batch::State::Place Batch::State::Arena::take(Device::State& d, std::uint64_t by
 void Batch::State::Arena::reset() {
   std::uint64_t total = 0;
   for (const auto& chunk : chunks) total += chunk.size;
-  // One chunk is reused from its start; instead of several the next run gets one of their size.
+  // Reuses a single chunk from its start; replaces several chunks by a larger one in the next run.
   usual = total > kKeepAtMost ? 0 : total;
   if (chunks.size() > 1 || usual == 0) chunks.clear();
   used = 0;
@@ -66,7 +66,7 @@ vk::raii::CommandBuffer& Batch::State::record() {
     commands.resetQueryPool(*queries, 0, 2 * kMaxTimed);
     recording = true;
   }
-  // Also at its beginning: what was submitted before may still be under way.
+  // Also at the start of a batch: earlier submissions may still be running.
   constexpr auto kStages = vk::PipelineStageFlagBits::eComputeShader | vk::PipelineStageFlagBits::eTransfer |
                            vk::PipelineStageFlagBits::eDrawIndirect;
   commands.pipelineBarrier(
@@ -130,7 +130,7 @@ bool Device::State::is_idle() {
 void Device::State::let_go() noexcept {
   try {
     if (!is_idle()) wait_for(submitted);
-  } catch (const std::exception&) {  // a lost device uses nothing any more
+  } catch (const std::exception&) {  // a lost device uses no memory
   }
 }
 
@@ -156,7 +156,7 @@ Batch::Batch(Device& device) : state_(device.state().empty_batch()) {}
 Batch::~Batch() {
   if (!state_) return;
   assert((!state_->recording || std::uncaught_exceptions() > 0) && "a batch was recorded and never run");
-  // One that was cut off by an exception points at what is no longer there: another takes its place.
+  // A batch cut off by an exception may refer to destroyed objects, so it is not reused.
   if (!state_->recording) state_->device.idle_batches.push_back(std::move(state_));
 }
 
@@ -164,7 +164,7 @@ void Batch::upload_bytes(const Buffer& to, std::span<const std::byte> data, std:
   if (data.empty()) return;
   check_range("upload", to, offset, data.size());
   state_->device.traffic.uploaded += data.size();
-  // Nothing of this batch comes before it, and of other batches nothing is under way: straight to its place.
+  // Direct copy if this batch is still empty and no other batch is in flight.
   if (std::byte* mapped = to.state().allocation.mapped;
       mapped != nullptr && !state_->recording && state_->device.is_idle()) {
     std::memcpy(mapped + offset, data.data(), data.size());
@@ -205,7 +205,7 @@ void Batch::run() {
   try {
     device.wait_for(state_->submission);
   } catch (...) {
-    state_->pending_downloads.clear();  // they go away while it may still be at work
+    state_->pending_downloads.clear();  // their spans may become invalid while the device still works
     device.under_way.push_back(std::move(state_));
     throw;
   }

@@ -10,7 +10,7 @@
 
 namespace cairn::gpu {
 
-/// Commands for the device, run in the order in which they were given; each sees what the ones before it wrote.
+/// Commands for the device, executed in order; each sees the writes of all earlier commands.
 class Batch {
  public:
   explicit Batch(Device& device);
@@ -18,7 +18,7 @@ class Batch {
   Batch(const Batch&) = delete;
   Batch& operator=(const Batch&) = delete;
 
-  /// The data are copied at once; the span may go away. `offset` in bytes.
+  /// Copies the data immediately; the span may then become invalid. `offset` in bytes.
   void upload_bytes(const Buffer& to, std::span<const std::byte> data, std::uint64_t offset = 0);
   template <class T>
   void upload(const Buffer& to, std::span<const T> data, std::uint64_t offset = 0) {
@@ -38,15 +38,15 @@ class Batch {
   void download(const Buffer& from, std::vector<T>& data, std::uint64_t offset = 0) {
     download_bytes(from, std::as_writable_bytes(std::span(data)), offset);
   }
-  /// Copies the whole of a buffer into one of at least its size.
+  /// Copies a complete buffer into a buffer of at least its size.
   void copy(const Buffer& from, const Buffer& to);
   /// Fills with a repeated 32-bit word. `offset` and `bytes` are multiples of 4; bytes 0: to the end.
   void fill(const Buffer& buffer, std::uint32_t word, std::uint64_t offset = 0, std::uint64_t bytes = 0);
 
-  /// Submits and waits for the end. The batch is empty afterwards and can be used again.
+  /// Submits and waits for completion. The batch is empty afterwards and can be reused.
   void run();
-  /// Submits and does not wait: later batches see what this one wrote, and downloads are there when one of these has
-  /// run. The batch is empty afterwards and can be used again.
+  /// Submits without waiting: later batches see the writes of this batch, and downloads are complete after run() of a
+  /// later batch. The batch is empty afterwards and can be reused.
   void submit();
 
   struct State;

@@ -18,7 +18,7 @@ std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk
   throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
 }
 
-/// Whether device and host reach the memory alike: no copy is needed to write it.
+/// True if device and host access the memory equally: no staging copy is needed.
 bool is_shared_with_host(const Device::State& device, std::uint32_t type) {
   constexpr auto kShared = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
   return (device.info.type == "cpu" || device.info.type == "integrated") &&

@@ -8,12 +8,12 @@
 
 namespace cairn::gpu {
 
-/// Device-local storage. Contents move through Batch::upload and Batch::download. Movable; outlives no Device.
+/// Device-local storage. Batch::upload and Batch::download transfer its contents. Movable; must not outlive its Device.
 class Buffer {
  public:
   Buffer();
-  /// `bytes` may exceed the device's storage-buffer range when the buffer is only reached by its `address`.
-  /// Throws std::runtime_error when the device has too little memory.
+  /// `bytes` may exceed the device's storage-buffer range if the buffer is only accessed by its `address`.
+  /// Throws std::runtime_error if the device has too little memory.
   Buffer(Device& device, std::uint64_t bytes);
   ~Buffer();
   Buffer(Buffer&&) noexcept;

@@ -33,7 +33,7 @@ VKAPI_ATTR VkBool32 VKAPI_CALL keep_message(VkDebugUtilsMessageSeverityFlagBitsE
   return VK_FALSE;
 }
 
-/// By the name that this version of Vulkan-Hpp has for its type: one of Vulkan's C header, or since 1.4 one of its own.
+/// Cast to the callback type of this version of Vulkan-Hpp: the type of Vulkan's C header, or since 1.4 its own.
 const auto kKeepMessage =
     reinterpret_cast<decltype(vk::DebugUtilsMessengerCreateInfoEXT::pfnUserCallback)>(keep_message);
 
@@ -67,7 +67,7 @@ std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context
   try {
     return vk::raii::Instance(context, create);
   } catch (const vk::IncompatibleDriverError&) {
-    return std::nullopt;  // the loader is there, a driver is not
+    return std::nullopt;  // the loader is installed, but no driver
   }
 }
 
@@ -108,7 +108,7 @@ std::optional<std::uint32_t> compute_family(const vk::raii::PhysicalDevice& phys
   return std::nullopt;
 }
 
-/// Whether pipelines may ask for the subgroup size that the device tells.
+/// True if pipelines can require the device's reported subgroup size.
 bool has_subgroup_size_control(const vk::raii::PhysicalDevice& physical) {
   const auto extensions = physical.enumerateDeviceExtensionProperties();
   if (std::none_of(extensions.begin(), extensions.end(), [](const auto& e) {
@@ -126,7 +126,7 @@ bool has_subgroup_size_control(const vk::raii::PhysicalDevice& physical) {
          usual <= sizes.maxSubgroupSize;
 }
 
-/// The first feature that is missing, if any.
+/// First missing feature, if any.
 std::optional<std::string> missing_feature(const vk::raii::PhysicalDevice& physical) {
   if (physical.getProperties().apiVersion < VK_API_VERSION_1_2) return "Vulkan 1.2";
   const auto extensions = physical.enumerateDeviceExtensionProperties();
@@ -149,7 +149,7 @@ std::optional<std::string> missing_feature(const vk::raii::PhysicalDevice& physi
   return {};
 }
 
-/// The number of the first usable one of the best type; 0 where none is usable, which then tells why.
+/// Index of the first usable device of the best type; 0 if none is usable, so that the error names its missing feature.
 int best_of(const vk::raii::PhysicalDevices& physicals) {
   int index = 0, best = 5;
   for (std::size_t i = 0; i < physicals.size(); ++i) {
@@ -292,7 +292,7 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
   s.open();
 
   s.pipelines_file = pipeline_cache_file(*s.physical);
-  const auto cached = read_file(s.pipelines_file);  // the driver checks the header and ignores what is not its own
+  const auto cached = read_file(s.pipelines_file);  // the driver checks the header and ignores foreign data
   s.pipelines.emplace(*s.device,
                       vk::PipelineCacheCreateInfo{.initialDataSize = cached.size(), .pInitialData = cached.data()});
 }
@@ -301,7 +301,7 @@ Device::~Device() {
   state_->let_go();
   state_->ended = state_->submitted;
   if (!state_->pipelines || state_->pipelines_file.empty()) return;
-  // A cache that cannot be kept costs the next start some time and nothing else.
+  // Errors are ignored: a missing cache only slows down the next start.
   try {
     const auto data = state_->pipelines->getData();
     if (data == std::vector<std::uint8_t>{}) return;

@@ -10,7 +10,7 @@
 
 #include "cairn/device.hpp"
 
-// The only door to Vulkan for the stages: no Vulkan type appears in src/gpu/*.hpp.
+// The only interface to Vulkan for the stages: no Vulkan type appears in src/gpu/*.hpp except vulkan.hpp.
 namespace cairn::gpu {
 
 [[nodiscard]] std::vector<DeviceInfo> find_devices();  // see list_devices
@@ -20,38 +20,37 @@ struct KernelTime {
   double total_ms = 0.0;
 };
 
-/// Between host and device, so far.
+/// Transfers between host and device so far.
 struct Traffic {
-  std::uint64_t waits = 0;                     // of the host for the device
+  std::uint64_t waits = 0;                     // waits of the host for the device
   std::uint64_t uploaded = 0, downloaded = 0;  // bytes
 };
 
-/// A Vulkan compute device with one queue. Not thread-safe: one thread at a time uses a device and what it made.
+/// Vulkan compute device with one queue. Not thread-safe: only one thread at a time may use a device and its objects.
 class Device {
  public:
-  /// -1 picks the first usable discrete, else integrated, else CPU device. Throws std::runtime_error naming the
-  /// missing feature, or what to install when there is no device. The environment variable CAIRN_VALIDATION=1 turns
-  /// the Khronos validation layer on, `sync` also its search for commands that do not wait for each other, `gpu` also
-  /// its checks inside of shaders.
+  /// -1 selects the first usable discrete, else integrated, else CPU device. Throws std::runtime_error with the missing
+  /// feature, or with an installation hint if there is no device. The environment variable CAIRN_VALIDATION=1 enables
+  /// the Khronos validation layer; `sync` also enables synchronization validation, `gpu` GPU-assisted validation.
   explicit Device(int index = -1);
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
 
   [[nodiscard]] const DeviceInfo& info() const;
-  /// Waits for everything that was submitted.
+  /// Waits for all submissions.
   void wait();
   /// Warnings and errors of the validation layer so far.
   [[nodiscard]] const std::vector<std::string>& validation_messages() const;
-  /// Time on the device by kernel, from timestamps.
+  /// Device time by kernel, from timestamps.
   [[nodiscard]] const std::map<std::string, KernelTime>& kernel_times() const;
   [[nodiscard]] const Traffic& traffic() const;
-  /// Bytes that one buffer may have, and one that a kernel binds.
+  /// Maximum size in bytes of a buffer, and of a buffer bound by a kernel.
   [[nodiscard]] std::uint64_t max_allocation() const;
-  [[nodiscard]] std::uint64_t max_texels() const;  // of a buffer that is read as texels
+  [[nodiscard]] std::uint64_t max_texels() const;  // of a buffer read as texels
   [[nodiscard]] std::uint64_t max_binding() const;
   [[nodiscard]] std::uint32_t max_groups() const;  // workgroups along x
-  /// Bytes in buffers now, and at most so far.
+  /// Bytes in buffers: current and peak.
   [[nodiscard]] std::uint64_t memory_in_use() const;
   [[nodiscard]] std::uint64_t peak_memory() const;
 

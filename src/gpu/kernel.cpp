@@ -13,9 +13,9 @@
 namespace cairn::gpu {
 namespace {
 
-constexpr std::uint32_t kWorkgroupConstant = 15;  // local_size_x_id of shaders whose workgroups have no fixed size
+constexpr std::uint32_t kWorkgroupConstant = 15;  // local_size_x_id of shaders with a variable workgroup size
 
-/// What a shader takes a buffer for: storage, texels that it only reads (shaders/fetch.h), or a struct of uniforms.
+/// Type of a buffer binding in a shader: storage buffer, read-only texels (shaders/fetch.h), or uniform buffer.
 struct Binding {
   vk::DescriptorType type = vk::DescriptorType::eStorageBuffer;
   vk::Format texel = vk::Format::eUndefined;
@@ -40,7 +40,7 @@ vk::Format texel_of(spvc_basetype sampled) {
   }
 }
 
-/// What the shader declares, read from its SPIR-V.
+/// Interface of a shader, read from its SPIR-V.
 Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   spvc_context context = nullptr;
   const auto check = [&](spvc_result result) {
@@ -154,7 +154,7 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
                                           .module = *module,
                                           .pName = "main",
                                           .pSpecializationInfo = &specialisation};
-  // Where a device may choose among subgroup sizes, sums would depend on its choice.
+  // Otherwise a device with several subgroup sizes could change the order of sums.
   const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size{.requiredSubgroupSize = d.info.subgroup_size};
   if (s.layout.uses_subgroups && d.subgroup_size_control) stage.pNext = &size;
   s.pipeline = vk::raii::Pipeline(*d.device, *d.pipelines,
@@ -198,7 +198,7 @@ void KernelBase::record(Batch& batch, const void* push, std::span<const Buffer* 
   if (timed) commands.writeTimestamp(vk::PipelineStageFlagBits::eComputeShader, *b.queries, query);
   commands.bindPipeline(vk::PipelineBindPoint::eCompute, *s.pipeline);
   commands.pushDescriptorSetKHR(vk::PipelineBindPoint::eCompute, *s.pipeline_layout, 0, writes);
-  // The dispatcher's typed overload wants a T; the push struct is known here as bytes only.
+  // The dispatcher's typed overload needs a T; the push struct is known here as bytes only.
   commands.getDispatcher()->vkCmdPushConstants(
       static_cast<VkCommandBuffer>(*commands), static_cast<VkPipelineLayout>(*s.pipeline_layout),
       VK_SHADER_STAGE_COMPUTE_BIT, 0, static_cast<std::uint32_t>(s.layout.push_bytes), push);

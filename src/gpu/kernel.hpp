@@ -14,7 +14,7 @@
 
 namespace cairn::gpu {
 
-/// What all kernels share: a compute pipeline whose bindings are buffers numbered from 0.
+/// Common part of all kernels: a compute pipeline with buffer bindings numbered from 0.
 class KernelBase {
  public:
   KernelBase(Device& device, std::string name, std::span<const std::uint32_t> spirv, std::size_t push_bytes,
@@ -35,8 +35,8 @@ class KernelBase {
   std::unique_ptr<State> state_;
 };
 
-/// One .comp file and its push struct. `constants`: specialisation constants by their ids, from 0; the shader's own
-/// values where there are none. `workgroup`: its threads, of a shader with a local_size_x_id. Binding count, workgroup
+/// Kernel of one .comp file and its push struct. `constants`: specialization constants by ID, from 0; the shader's
+/// defaults for the rest. `workgroup`: number of threads, for a shader with a local_size_x_id. Binding count, workgroup
 /// size and push size are read from the SPIR-V and checked.
 ///
 ///   gpu::Kernel<TsdfIntegratePush> integrate_{device, "tsdf_integrate", tsdf_integrate_comp};
@@ -51,7 +51,7 @@ class Kernel : private KernelBase {
          std::uint32_t workgroup = 0)
       : KernelBase(device, name, std::span(spirv, N), sizeof(Push), constants, workgroup) {}
 
-  /// `threads` are rounded up to whole workgroups; the shader guards its end. No thread: nothing is recorded.
+  /// `threads` are rounded up to complete workgroups; the shader must check its bounds. Records nothing for 0 threads.
   void operator()(Batch& batch, std::array<std::uint32_t, 3> threads, const Push& push,
                   std::span<const Buffer* const> buffers) const {
     dispatch(batch, threads, &push, buffers);
@@ -60,7 +60,7 @@ class Kernel : private KernelBase {
                   std::initializer_list<const Buffer*> buffers) const {
     dispatch(batch, threads, &push, {buffers.begin(), buffers.size()});
   }
-  /// As many workgroups as the three words at `offset` bytes of `groups` say when the device comes to it.
+  /// Dispatches the number of workgroups given by the three words at `offset` bytes of `groups`, read on execution.
   void indirect(Batch& batch, const Buffer& groups, std::uint64_t offset, const Push& push,
                 std::span<const Buffer* const> buffers) const {
     dispatch_indirect(batch, groups, offset, &push, buffers);
@@ -71,8 +71,8 @@ class Kernel : private KernelBase {
   }
 };
 
-/// Threads of a workgroup whose shader leaves that open: on a CPU device as many as it does at once, since each of its
-/// turns reads all parameters again, lane by lane.
+/// Workgroup size for a shader with a variable size: on a CPU device the number of threads that it executes at once,
+/// since each further round reads all parameters again, lane by lane.
 [[nodiscard]] std::uint32_t threads_together(const Device& device, std::uint32_t on_a_gpu);
 
 }  // namespace cairn::gpu

@@ -16,7 +16,7 @@
 
 namespace cairn::gpu {
 
-/// Vulkan's loader. Throws std::runtime_error that says what to install where there is none.
+/// Vulkan loader. Throws std::runtime_error with an installation hint if it is missing.
 [[nodiscard]] vk::raii::Context open_loader();
 
 struct Device::State {
@@ -31,7 +31,7 @@ struct Device::State {
   vk::PhysicalDeviceMemoryProperties memory_types;
   float timestamp_period_ns = 1.0f;
   std::uint64_t max_binding = 0;     // bytes
-  std::uint64_t max_texels = 0;      // of a buffer that is read as texels
+  std::uint64_t max_texels = 0;      // of a buffer read as texels
   std::uint64_t max_allocation = 0;  // bytes of one buffer
   std::array<std::uint32_t, 3> max_groups{};
   bool subgroup_size_control = false;
@@ -42,18 +42,18 @@ struct Device::State {
   std::map<std::string, KernelTime> times;
   std::uint64_t in_use = 0, peak = 0;
   Traffic traffic;
-  // Submissions are numbered from 1; the timeline reaches a submission's number when it and all before it have ended.
+  // Submissions are numbered from 1; the timeline reaches a number when this and all earlier submissions have finished.
   std::optional<vk::raii::Semaphore> timeline;
   std::uint64_t submitted = 0, ended = 0;
-  std::deque<std::unique_ptr<Batch::State>> under_way;  // the oldest first
+  std::deque<std::unique_ptr<Batch::State>> under_way;  // oldest first
   std::vector<std::unique_ptr<Batch::State>> idle_batches;
 
-  void open();  // `physical`: its limits, the device, and its queue
-  /// Waits for a submission and all before it.
+  void open();  // reads the limits of `physical`; creates the device and its queue
+  /// Waits for a submission and all earlier ones.
   void wait_for(std::uint64_t submission);
-  /// Whether everything that was submitted has ended. Does not wait.
+  /// True if all submissions have finished. Does not wait.
   [[nodiscard]] bool is_idle();
-  /// Before something goes away that submissions may still use.
+  /// Waits for all submissions, before an object that they may use is destroyed.
   void let_go() noexcept;
   [[nodiscard]] std::unique_ptr<Batch::State> empty_batch();
 
@@ -61,8 +61,8 @@ struct Device::State {
   void note_ended(std::uint64_t submission);
 };
 
-/// A buffer with memory of its own. `mapped` is null for memory that only the device reaches. Memory with `preferred`
-/// properties, too, is taken where the device has it.
+/// A buffer with its own memory. `mapped` is null for memory that the host cannot access. Prefers memory that also has
+/// the `preferred` properties.
 struct Allocation {
   Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties,
              vk::MemoryPropertyFlags preferred = {});
@@ -82,7 +82,7 @@ struct Buffer::State {
   std::uint64_t address = 0;
   mutable std::map<vk::Format, vk::raii::BufferView> views;
 
-  /// The buffer as texels; the view is made when it is first asked for.
+  /// The buffer as texels; the view is created on first use.
   const vk::raii::BufferView& texels(vk::Format format) const;
 };
 
@@ -92,12 +92,12 @@ struct Batch::State {
     Allocation* chunk;
     std::uint64_t offset;
   };
-  /// Host-visible memory that grows by chunks. One chunk stays for the next run; instead of several that one gets a
-  /// chunk of their size, unless it is too large to keep.
+  /// Host-visible memory that grows by chunks. A single chunk is kept for the next run; several chunks are replaced by
+  /// one of their total size, unless it is too large to keep.
   struct Arena {
     std::deque<Allocation> chunks;
-    std::uint64_t used = 0;   // bytes of the last chunk
-    std::uint64_t usual = 0;  // bytes of the first chunk, if more than of others
+    std::uint64_t used = 0;   // bytes used in the last chunk
+    std::uint64_t usual = 0;  // minimum size of the first chunk, bytes
     Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
                vk::MemoryPropertyFlags preferred);
     void reset();
@@ -106,7 +106,7 @@ struct Batch::State {
     Place from;
     std::span<std::byte> to;
   };
-  static constexpr std::uint32_t kMaxTimed = 512;  // dispatches of one run that get a timestamp
+  static constexpr std::uint32_t kMaxTimed = 512;  // timestamped dispatches per run
 
   Device::State& device;
   vk::raii::CommandPool pool = nullptr;
@@ -116,11 +116,11 @@ struct Batch::State {
   std::vector<Download> pending_downloads;
   std::vector<const std::string*> timed;
   bool recording = false;
-  std::uint64_t submission = 0;  // its number, once it has one
+  std::uint64_t submission = 0;  // number of its submission, once submitted
 
-  vk::raii::CommandBuffer& record();  // begins when needed; orders what follows after what came before
+  vk::raii::CommandBuffer& record();  // starts recording if necessary; adds a barrier after the earlier commands
   void submit();                      // ends recording
-  void finish();                      // after the device has: hands downloads out, adds up times, and is empty again
+  void finish();                      // after completion: copies downloads, adds up times, and resets the batch
 };
 
 }  // namespace cairn::gpu

@@ -12,8 +12,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kSmoothings = 3;            // of borders
-constexpr std::size_t kLongestRim = 192;  // vertices of a hole that is filled: the work goes with its cube
+constexpr int kSmoothings = 3;            // iterations for borders
+constexpr std::size_t kLongestRim = 192;  // maximum number of vertices of a filled hole; the cost is cubic
 
 Eigen::Vector3d area_vector(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
   const Eigen::Vector3d a = mesh.positions[t[0]].cast<double>();
@@ -35,7 +35,7 @@ bool lower_point(const Eigen::Vector3f& p, const Eigen::Vector3f& q) {
   return std::lexicographical_compare(p.data(), p.data() + 3, q.data(), q.data() + 3);
 }
 
-/// Whether a triangle's vertices, from its lowest on, are the lower ones: the same however vertices are numbered.
+/// Order of triangles by positions, each from its lowest vertex on: independent of the vertex numbering.
 bool lower_triangle(const Mesh& mesh, const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) {
   const auto from_lowest = [&](const std::array<std::uint32_t, 3>& t) {
     std::array<Eigen::Vector3f, 3> p{mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]};
@@ -52,7 +52,7 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
     bool is_small = false;
-    std::uint32_t lowest = kNone;  // triangle, of a small one
+    std::uint32_t lowest = kNone;  // lowest triangle, for small components
   };
   std::vector<Component> all(parts.count);
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
@@ -82,7 +82,7 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
   return static_cast<std::size_t>(removed);
 }
 
-/// Triangles that hang on by one side alone stick out of the border.
+/// Removes triangles attached by a single side, which stick out of the border.
 void remove_spikes(Mesh& mesh) {
   const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
   std::vector<int> open(mesh.triangles.size(), 0);
@@ -94,8 +94,8 @@ void remove_spikes(Mesh& mesh) {
   remove_triangles(mesh, remove);
 }
 
-/// Borders follow the voxels in steps. Each border vertex goes towards the middle of its two neighbours along the
-/// border.
+/// Smooths borders, which follow the voxel grid in steps. Moves each border vertex towards the mean of its two
+/// neighbors along the border.
 void smooth_borders(Mesh& mesh) {
   const std::vector<BoundaryEdge> border = boundary_edges(mesh, sides_by_edge(mesh, own_ids(mesh)));
   std::vector<std::uint32_t> next(mesh.positions.size(), kNone), previous = next;
@@ -116,10 +116,10 @@ void smooth_borders(Mesh& mesh) {
   }
 }
 
-/// Closes one rim: the triangulation with the least area, by dynamic programming (Barequet & Sharir 1995). Nothing
-/// where a triangle would have none.
+/// Closes a rim by the triangulation with minimum area, by dynamic programming (Barequet & Sharir 1995). Adds nothing
+/// if the result would have a degenerate triangle.
 void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-  constexpr float kFlat = 1e-3f, kForbidden = 1e6f;  // area over the square of the longest side
+  constexpr float kFlat = 1e-3f, kForbidden = 1e6f;  // minimum area relative to the square of the longest side
 
   const std::size_t n = rim.size();
   std::vector<float> cost(n * n, 0);
@@ -146,7 +146,7 @@ void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
     open.pop_back();
     if (j < i + 2) continue;
     const std::size_t k = split[i * n + j];
-    mesh.triangles.push_back({rim[j], rim[k], rim[i]});  // the other way round than the border goes
+    mesh.triangles.push_back({rim[j], rim[k], rim[i]});  // opposite to the direction of the border
     open.push_back({i, k});
     open.push_back({k, j});
   }
@@ -162,10 +162,10 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
     if (!next.try_emplace(from, to).second) twice[from] = true;
     begins.push_back(from);
   }
-  // From the lowest position on, so that it does not matter how vertices are numbered.
+  // Starts at the lowest positions, to be independent of the vertex numbering.
   std::sort(begins.begin(), begins.end(),
             [&](std::uint32_t a, std::uint32_t b) { return lower_point(mesh.positions[a], mesh.positions[b]); });
-  std::vector<std::uint64_t> edges;  // there is no second triangle at a chord that is there already
+  std::vector<std::uint64_t> edges;  // existing edges; a chord must not coincide with them
   for_each_edge(sides, [&](std::size_t begin, std::size_t) { edges.push_back(sides[begin].edge); });
   std::vector<bool> done(mesh.positions.size(), false);
   std::size_t filled = 0;
@@ -183,7 +183,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
       if (!is_simple) break;
     }
     if (!is_simple || rim.size() < 3 || rim.size() > kLongestRim || box.diagonal().norm() > max_size) continue;
-    // Around a hole the border turns against the surface's normal; around the outside of a piece with it.
+    // The border of a hole runs opposite to the surface's normal; the outer border of a component runs along with it.
     for (std::size_t i = 0; i < rim.size(); ++i) {
       const Eigen::Vector3d a = mesh.positions[rim[i]].cast<double>(),
                             b = mesh.positions[rim[(i + 1) % rim.size()]].cast<double>();
@@ -198,7 +198,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
         const auto it = next.find(b);
-        if (it != next.end() && it->second == a) continue;  // along the rim
+        if (it != next.end() && it->second == a) continue;  // edge of the rim
         const std::uint64_t edge = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
         fits = fits && !std::binary_search(edges.begin(), edges.end(), edge);
       }
@@ -210,8 +210,8 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
   return filled;
 }
 
-/// Triangles with the same three vertices: two that look apart are a sheet without a thickness, and both go; of those
-/// that look the same way one stays. Returns whether there were any.
+/// Handles triangles with the same three vertices: opposite triangles are a sheet without thickness and are both
+/// removed; of triangles with equal orientation only one is kept. Returns true if there were any.
 bool remove_coincident(Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id,
                        bool keep_sheets) {
   std::vector<bool> remove(mesh.triangles.size(), false);
@@ -219,7 +219,7 @@ bool remove_coincident(Mesh& mesh, const std::vector<Side>& sides, const std::ve
   const auto vertex = [&](const Side& s, std::uint32_t next) {
     return vertex_id[mesh.triangles[s.triangle][(s.corner + next) % 3]];
   };
-  // They share all of their sides: at one side they are those with the same third vertex.
+  // Coincident triangles share all sides: at a given side they have the same third vertex.
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       for (std::size_t k = begin; k < i; ++k) {
@@ -234,7 +234,7 @@ bool remove_coincident(Mesh& mesh, const std::vector<Side>& sides, const std::ve
   return any;
 }
 
-/// Of the triangles at a side that more than two share the smallest go. Returns whether there were any.
+/// Removes the smallest triangles at sides shared by more than two. Returns true if there were any.
 bool remove_beyond_two(Mesh& mesh, const std::vector<Side>& sides) {
   std::vector<bool> remove(mesh.triangles.size(), false);
   bool any = false;
@@ -257,8 +257,8 @@ bool remove_beyond_two(Mesh& mesh, const std::vector<Side>& sides) {
   return any;
 }
 
-/// Triangles at a vertex hang together where they share a side that ends there: a fan. All fans but the largest go.
-/// `sides`: of one or two triangles each. `fixed`: as make_manifold has it. Returns whether there were any.
+/// Removes all but the largest fan at each vertex; a fan is a set of triangles at a vertex connected by shared sides at
+/// the vertex. `sides`: with one or two triangles each. `fixed`: as in make_manifold. Returns true if there were any.
 bool remove_smaller_fans(Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id,
                          const std::function<bool(std::uint32_t)>& fixed) {
   Fans fans = fans_of(mesh, sides, vertex_id);
@@ -268,7 +268,7 @@ bool remove_smaller_fans(Mesh& mesh, const std::vector<Side>& sides, const std::
   for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner)
     if (fans.several.contains(vertex_id[mesh.triangles[corner / 3][corner % 3]]))
       area[fans.of_corner[corner]] += area_vector(mesh, mesh.triangles[corner / 3]).norm();
-  // Of fans that are as large the first stays.
+  // Equal areas: keeps the first fan.
   std::unordered_map<std::uint32_t, std::uint32_t> largest;  // by vertex
   for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner) {
     const std::uint32_t v = vertex_id[mesh.triangles[corner / 3][corner % 3]], fan = fans.of_corner[corner];

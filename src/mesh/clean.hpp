@@ -14,25 +14,27 @@ struct Cleaned {
   std::size_t components_removed = 0, holes_filled = 0;
 };
 
-/// Whether a triangle of the mesh is this one's to count, of those that see the same surface.
+/// True if this mesh counts the triangle, when several meshes contain the same surface.
 using CountsTriangle = std::function<bool(const std::array<std::uint32_t, 3>&)>;
 
-/// Removes what is no surface: triangles without area, what make_manifold removes, spikes on borders, floating pieces,
-/// what was seen too little; fills small holes; makes borders smooth. What was decided at a place depends on what lies
-/// around it no farther than the larger of CleanOptions::fill_holes and three pieces. `counts`: a piece or a hole is
-/// counted where one of its triangles, which is always the same, is; none: all are.
+/// Removes artifacts: triangles without area, the triangles removed by make_manifold, spikes on borders, floating
+/// components, and surfaces with too few observations. Then fills small holes and smooths borders. The result at a
+/// point depends only on its surroundings up to the larger of CleanOptions::fill_holes and three times the minimum size
+/// of a component. `counts`: a component or hole is counted if it accepts a representative triangle, independent of the
+/// vertex numbering; none: counts all.
 Cleaned clean(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts = {});
 
 struct ManifoldOptions {
-  /// Vertices at which all fans stay, since others have triangles there that may join them; none: there are no others.
+  /// Vertices at which all fans are kept, since other meshes may have triangles there that connect them; none: no such
+  /// vertices.
   std::function<bool(std::uint32_t)> fixed;
-  bool keep_sheets = false;  ///< two triangles on each other that look apart stay
+  bool keep_sheets = false;  ///< keeps opposite triangles with the same vertices
 };
 
-/// Leaves a surface that is a manifold with borders, also where vertices at the very same place are one. Removes
-/// triangles without area; of triangles with the same three vertices both if they look apart, else all but one; of the
-/// triangles at a side that more than two share the smallest; and at a vertex where several fans of triangles meet all
-/// but the largest fan. Returns how many.
+/// Makes the surface a manifold with borders, treating vertices at identical positions as one. Removes triangles
+/// without area; of coincident triangles both if they are opposite, else all but one; the smallest triangles at a side
+/// shared by more than two; and all but the largest fan at a vertex with several fans. Returns the number of removed
+/// triangles.
 std::size_t make_manifold(Mesh& mesh, const ManifoldOptions& options = {});
 
 }  // namespace cairn

@@ -8,10 +8,10 @@
 
 namespace cairn {
 
-/// Gives vertices the colour that the texture has there, in its place. A mesh without one stays as it is.
+/// Replaces the texture by vertex colors sampled from it. A mesh without a texture is unchanged.
 void take_colours(Mesh& mesh);
 
-/// The parts of a mesh file; vertices have the colour that the texture has there, in its place.
+/// Parts of a mesh file, with textures replaced by vertex colors.
 [[nodiscard]] std::vector<Mesh> coloured_parts(const std::filesystem::path& file);
 
 }  // namespace cairn

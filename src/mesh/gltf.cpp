@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// glTF 2.0 through tinygltf. glTF is y-up and right-handed; the world is y-down: a half turn about x leads from one to
-// the other, so that z forward becomes -z, as glTF's own cameras look.
+// glTF 2.0 through tinygltf. glTF is y-up and right-handed; the world is y-down. A half turn about x converts between
+// the two: z forward becomes -z, the viewing direction of glTF cameras.
 #include "mesh/gltf.hpp"
 
 #include <draco/compression/encode.h>
@@ -36,27 +36,27 @@ namespace cairn {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-constexpr int kGrid = 65535;  // steps of a quantised position along the longest side
+constexpr int kGrid = 65535;  // steps of a quantized position along the longest side
 constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoTexCoordBits = 14, kDracoColourBits = 12;
 constexpr std::array kUnlit{"KHR_materials_unlit"};
 
 Eigen::Vector3f turned(const Eigen::Vector3f& v) { return from_world(v, Axes::y_up); }
 
-/// A mesh for a writer that turns it to y up, so that it comes out with other axes.
+/// Prepares a mesh for a writer that rotates it to y up, to obtain other axes.
 Mesh before_y_up(Mesh mesh, Axes axes) {
   turn_from_world(mesh, axes);
   turn_to_world(mesh, Axes::y_up);
   return mesh;
 }
 
-/// glTF's vertex colours are linear, ours sRGB (IEC 61966-2-1).
+/// glTF's vertex colors are linear, Cairn's are sRGB (IEC 61966-2-1).
 std::uint16_t linear(std::uint8_t srgb) {
   const double c = srgb / 255.0;
   return static_cast<std::uint16_t>(
       std::lround(65535.0 * (c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4))));
 }
 
-/// An attribute or the indices as they go into a buffer.
+/// An attribute or the indices in buffer format.
 struct Stream {
   Bytes bytes;
   std::size_t count = 0, stride = 0;  // elements; bytes
@@ -144,7 +144,7 @@ Attributes quantised_attributes(const Snapped& snapped) {
   return attributes;
 }
 
-/// Order in which caches work best, which is also what packs best.
+/// Optimizes the order for vertex caches, which also improves compression.
 void reorder(Mesh& mesh) {
   std::vector<std::uint32_t> indices;
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
@@ -170,7 +170,7 @@ Stream indices_of(const Mesh& mesh) {
   return stream_of(indices, 1, 1, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT, TINYGLTF_TYPE_SCALAR, false);
 }
 
-/// Values of what an accessor counts: POSITION tells its box.
+/// Bounding box of POSITION in the units of the accessor.
 void set_box(const Mesh& mesh, const Snapped* snapped, tinygltf::Accessor& accessor) {
   Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max()), high = -low;
   for (const auto& p : mesh.positions) low = low.cwiseMin(turned(p)), high = high.cwiseMax(turned(p));
@@ -184,7 +184,7 @@ void set_box(const Mesh& mesh, const Snapped* snapped, tinygltf::Accessor& acces
   accessor.maxValues = {high.x(), high.y(), high.z()};
 }
 
-/// To 8 bits, half a percent: what is left of a float packs well.
+/// Rounds to 8 bits, half a percent: compresses well.
 float coarse(float value) {
   return std::bit_cast<float>((std::bit_cast<std::uint32_t>(value) + 0x8000u) & 0xffff0000u);
 }
@@ -199,25 +199,25 @@ Snapped snap(const Mesh& mesh, bool is_whole) {
   Eigen::AlignedBox3f box;
   for (const auto& p : mesh.positions) box.extend(turned(p));
   snapped.low = box.min();
-  // A power of two, so that steps times it are exact and the same positions stay the same in every part.
+  // A power of two: multiples are exact, so equal positions remain equal in all parts.
   const float longest = std::max(box.sizes().maxCoeff(), 1e-3f);
   snapped.step = std::exp2(std::ceil(std::log2(longest / static_cast<float>(kGrid - 1))));
   snapped.low = ((snapped.low / snapped.step).array().floor() * snapped.step).matrix();
   for (auto& p : snapped.mesh.positions)
     p = turned((((turned(p) - snapped.low) / snapped.step).array().round() * snapped.step).matrix() + snapped.low);
   ManifoldOptions options;
-  if (!is_whole) options.fixed = [](std::uint32_t) { return true; };  // any of them may be in other parts, too
+  if (!is_whole) options.fixed = [](std::uint32_t) { return true; };  // any vertex may be shared with other parts
   (void)make_manifold(snapped.mesh, options);
   (void)drop_unused_vertices(snapped.mesh);
   for (float& sigma : snapped.mesh.sigmas) sigma = coarse(sigma);
   return snapped;
 }
 
-/// A buffer as it came: a large one is not moved while it grows, and may wait on the disk.
+/// A buffer as a list of chunks: growth copies no data, and the data may be on disk.
 struct Pieces {
-  std::size_t size = 0;  // bytes, those before it included
+  std::size_t size = 0;  // bytes, including preceding chunks
   std::shared_ptr<Spool> spool;
-  std::vector<std::shared_ptr<const Bytes>> all;  // without a spool
+  std::vector<std::shared_ptr<const Bytes>> all;  // used without a spool
   void add(std::shared_ptr<const Bytes> bytes) {
     size += bytes->size();
     if (spool)
@@ -235,7 +235,7 @@ struct Pieces {
   }
 };
 
-/// A .glb of its JSON and its buffer, which is in two parts.
+/// Writes a .glb with its JSON and its buffer, given in two parts.
 void put_glb(std::ostream& out, std::string json, const Pieces& first, Pieces last) {
   while (json.size() % 4 != 0) json += ' ';
   const bool is_empty = last.size == 0;
@@ -265,8 +265,8 @@ struct GltfWriter::State {
   GltfOptions options;
   tinygltf::Model model;
   Pieces buffer;
-  std::size_t fallback = 0;  // bytes of the buffer that nobody needs to have
-  struct Compressed {        // what a view of the fallback buffer is made from
+  std::size_t fallback = 0;  // size of the fallback buffer, bytes
+  struct Compressed {        // source of a view of the fallback buffer
     std::size_t view, offset, size, count, stride;
     const char* mode;
   };
@@ -281,7 +281,7 @@ struct GltfWriter::State {
     if (required) note(model.extensionsRequired);
   }
 
-  /// Appends to the buffer; the view of it.
+  /// Appends to the buffer; returns the index of the view.
   int add_view(std::shared_ptr<const Bytes> bytes) {
     buffer.align();
     tinygltf::BufferView view;
@@ -354,7 +354,7 @@ struct GltfWriter::State {
     material.pbrMetallicRoughness.roughnessFactor = 1.0;
     material.doubleSided = true;
     const bool is_textured = !mesh.texture_coordinates.empty();
-    if (!options.lit && (is_textured || !mesh.colours.empty())) {  // the light is in the colours already
+    if (!options.lit && (is_textured || !mesh.colours.empty())) {  // the colors already include the lighting
       use(kUnlit[0]);
       material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});
     }
@@ -377,7 +377,7 @@ struct GltfWriter::State {
       material.pbrMetallicRoughness.baseColorTexture.index = static_cast<int>(model.textures.size());
       model.textures.push_back(texture);
     }
-    // All parts without a texture share their material.
+    // All parts without a texture share a material.
     if (!is_textured)
       for (std::size_t i = 0; i < model.materials.size(); ++i)
         if (model.materials[i] == material) return static_cast<int>(i);
@@ -438,12 +438,12 @@ struct GltfWriter::State {
     use("KHR_draco_mesh_compression", true);
   }
 
-  /// The JSON; `bin` and `image_files` name what lies beside it, empty: it is in the file.
+  /// The JSON; `bin` and `image_files` name the external files, empty: embedded.
   [[nodiscard]] std::string json(const std::string& bin, const std::vector<std::string>& image_files) const {
     tinygltf::Model told = model;
     tinygltf::TinyGLTF writer;
     std::ostringstream text;
-    told.images.clear();  // tinygltf would write files
+    told.images.clear();  // else tinygltf would write the images
     if (!writer.WriteGltfSceneToStream(&told, text, false, false)) throw std::runtime_error("tinygltf failed");
     nlohmann::json j = parsed_json(text.str());
     if (buffer.size > 0) {
@@ -458,7 +458,9 @@ struct GltfWriter::State {
       else
         image["uri"] = as_uri(image_files[i]);
     }
-    if (!model.cameras.empty()) j["cameras"][0]["perspective"].erase("zfar");  // tinygltf writes 0 for no end
+    if (!model.cameras.empty())
+      j["cameras"][0]["perspective"].erase("zfar");  // tinygltf writes 0 for an infinite far
+                                                     // plane
     if (!compressed.empty()) {
       j["buffers"].push_back(
           {{"byteLength", fallback}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}});
@@ -607,7 +609,7 @@ Bytes join_glb(std::string json, Bytes buffer) {
 }
 
 void GltfWriter::put(std::ostream& out) const {
-  // Images go to the end of the buffer.
+  // Images are at the end of the buffer.
   State whole = *state_;
   whole.buffer = {.size = state_->buffer.size, .spool = {}, .all = {}};
   for (const auto& image : whole.images) (void)whole.add_view(image);
@@ -620,8 +622,8 @@ std::vector<std::filesystem::path> GltfWriter::write(const std::filesystem::path
     write_whole(file, [&](std::ostream& out) { put(out); });
     return written;
   }
-  // What lies beside it first: a .gltf that can be seen is complete.
-  const std::string stem = as_utf8(file.stem().string());  // they are named in it
+  // External files first: a visible .gltf is then complete.
+  const std::string stem = as_utf8(file.stem().string());  // the names appear in the JSON
   std::vector<std::string> names;
   for (std::size_t i = 0; i < state_->images.size(); ++i) {
     names.push_back(stem + "-" + std::to_string(i) + (state_->options.png ? ".png" : ".jpg"));

@@ -21,7 +21,7 @@ using Json = nlohmann::json;
 using Bytes = std::vector<std::uint8_t>;
 constexpr const char *kMeshopt = "EXT_meshopt_compression", *kDraco = "KHR_draco_mesh_compression";
 
-constexpr std::size_t kMostUnpacked = 64;  // bytes that meshopt's vertex codec makes of one, at most
+constexpr std::size_t kMostUnpacked = 64;  // maximum expansion factor of meshopt's vertex codec
 
 template <class T>
 const T& item(const std::vector<T>& list, const Json& index, const char* what) {
@@ -50,7 +50,7 @@ Bytes decode_meshopt(const Json& view, const std::vector<Bytes>& buffers) {
   const std::string mode = e.at("mode");
   const Bytes packed =
       part(item(buffers, e.at("buffer"), "buffer"), e.value("byteOffset", std::size_t{0}), e.at("byteLength"));
-  // The decoders end the program for what they do not take, and the size is not what decides how much is written.
+  // Validates sizes: the decoders abort on unsupported input, and the output size does not limit their writes.
   const bool attributes = mode == "ATTRIBUTES", triangles = mode == "TRIANGLES";
   if (!attributes && !triangles && mode != "INDICES") throw std::runtime_error("a compressed view has no known mode");
   if (attributes ? stride == 0 || stride > 256 || stride % 4 != 0 : stride != 2 && stride != 4)
@@ -70,7 +70,7 @@ Bytes decode_meshopt(const Json& view, const std::vector<Bytes>& buffers) {
   return bytes;
 }
 
-/// Puts what a draco stream holds into views of their own.
+/// Decodes a draco stream into separate views.
 void decode_draco(Json& j, Json& primitive, std::vector<Bytes>& views) {
   const Json e = primitive["extensions"][kDraco];
   const Bytes& packed = item(views, e.at("bufferView"), "view");

@@ -38,7 +38,7 @@ const T& item(const std::vector<T>& list, int index, const char* what) {
   return list[static_cast<std::size_t>(index)];
 }
 
-/// Bytes that may still be read of a file: its nodes and meshes may name the same few bytes any number of times.
+/// Limit on the bytes read from a file: its nodes and meshes may refer to the same bytes any number of times.
 class Budget {
  public:
   explicit Budget(const tinygltf::Model& model) {
@@ -54,10 +54,10 @@ class Budget {
 
  private:
   static constexpr std::uint64_t kTimes = 64;
-  std::uint64_t left_ = 256u << 20;  // that any file may take
+  std::uint64_t left_ = 256u << 20;  // base allowance of every file
 };
 
-/// The part of a buffer that a view shows.
+/// Bytes of a buffer view.
 std::span<const std::uint8_t> bytes_of(const tinygltf::Model& model, const tinygltf::BufferView& view) {
   const auto& bytes = item(model.buffers, view.buffer, "buffer").data;
   if (view.byteOffset > bytes.size() || view.byteLength > bytes.size() - view.byteOffset)
@@ -79,7 +79,7 @@ void read_accessor(const tinygltf::Model& model, int index, Budget& budget, cons
     throw std::runtime_error("an accessor has a type or a stride that is not read");
   const auto stride = static_cast<std::size_t>(step), start = accessor.byteOffset,
              element = static_cast<std::size_t>(components * size);
-  // Without products and sums of what the file says: they may wrap.
+  // Avoids products and sums of untrusted values, which may overflow.
   if (accessor.count > 0 && (start > bytes.size() || element > bytes.size() - start ||
                              accessor.count - 1 > (bytes.size() - start - element) / stride))
     throw std::runtime_error("an accessor reaches beyond its buffer");
@@ -158,15 +158,15 @@ Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& prim
   return texture;
 }
 
-/// What tinygltf calls with an image: those of views are read where they are needed, by bytes_of, since it does not
-/// look whether they lie in their buffers.
+/// Image callback of tinygltf. Images in buffer views are read later with bytes_of, since tinygltf does not check their
+/// bounds.
 bool keep_image(tinygltf::Image* image, int, std::string*, std::string*, int, int, const unsigned char* bytes, int size,
                 void*) {
   if (image->bufferView < 0) image->image.assign(bytes, bytes + size);
   return true;
 }
 
-/// Files beside a .gltf, for tinygltf.
+/// File callbacks of tinygltf, for the external files of a .gltf.
 tinygltf::FsCallbacks files() {
   return {.FileExists = [](const std::string& file,
                            void*) { return std::filesystem::is_regular_file(std::filesystem::path(file)); },
@@ -226,7 +226,7 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
   return mesh;
 }
 
-/// `seen` holds the nodes on whose way it was: each has one parent, or reading might never end.
+/// `seen` holds the visited nodes: a second visit is an error, since cycles would not terminate.
 void append(const tinygltf::Model& model, int index, const Eigen::Affine3d& parent, std::vector<Mesh>& parts,
             std::set<int>& seen, Budget& budget, int depth) {
   const auto& node = item(model.nodes, index, "node");
@@ -267,7 +267,7 @@ std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
   } catch (const std::exception& problem) {
     throw std::runtime_error(file.string() + ": " + problem.what());
   }
-  // With other axes than glTF asks for, as its own extras tell.
+  // The file's extras may declare axes other than glTF's.
   const tinygltf::Value& told = model.asset.extras;
   if (told.IsObject() && told.Has("axes") && told.Get("axes").IsString())
     for (const Axes axes : {Axes::world, Axes::z_up})

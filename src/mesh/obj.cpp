@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Wavefront OBJ. Vertex colours follow the position, as MeshLab and Blender read them.
+// Wavefront OBJ. Vertex colors follow the position, the convention of MeshLab and Blender.
 #include <fmt/format.h>
 
 #include <iterator>

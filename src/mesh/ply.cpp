@@ -22,7 +22,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little);
 
 struct Property {
-  std::string name, type, count_type;  // count_type: of a list, else empty
+  std::string name, type, count_type;  // count_type: type of a list's length, else empty
 };
 struct Element {
   std::string name;
@@ -30,7 +30,7 @@ struct Element {
   std::vector<Property> properties;
 };
 
-/// The bytes of a file, from its begin to its end.
+/// Unread rest of a file's bytes.
 class Rest {
  public:
   explicit Rest(std::string_view bytes) : rest_(bytes) {}
@@ -40,7 +40,7 @@ class Rest {
     return line;
   }
   [[nodiscard]] bool at_end() const { return rest_.empty(); }
-  /// A number of a PLY type, as text or bytes.
+  /// Reads a number of a PLY type, as text or binary.
   double number(const std::string& type, bool ascii) {
     if (ascii) {
       constexpr const char* kSpace = " \t\r\n";
@@ -117,7 +117,7 @@ Header read_header(Rest& rest) {
     throw std::runtime_error("format '" + shown(format) + "' is not read");
   if (std::count_if(header.elements.begin(), header.elements.end(),
                     [](const Element& e) { return e.name == "vertex"; }) > 1)
-    throw std::runtime_error("has more than one list of vertices");  // which may differ in what they have
+    throw std::runtime_error("has more than one list of vertices");  // their properties might differ
   for (const Element& element : header.elements) {
     if (element.properties.empty() && element.count > 0)
       throw std::runtime_error("element '" + shown(element.name) + "' has no properties");
@@ -131,7 +131,7 @@ Header read_header(Rest& rest) {
   return header;
 }
 
-/// An index or a count of a list.
+/// Checks a list's index or length.
 std::uint32_t whole(double value) {
   if (!(value >= 0 && value <= std::numeric_limits<std::uint32_t>::max()))
     throw std::runtime_error("a face has an index or a length that is negative or too large");
@@ -146,7 +146,7 @@ Mesh read(Rest rest) {
   for (const auto& element : elements) {
     std::map<std::string, double> v;
     std::vector<std::uint32_t> list;
-    // Nothing is reserved for what the header promises: it may promise anything.
+    // Reserves no memory for the counts in the header, which are untrusted.
     for (std::uint64_t i = 0; i < element.count; ++i) {
       for (const auto& p : element.properties) {
         if (p.count_type.empty()) {

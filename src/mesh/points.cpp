@@ -10,7 +10,7 @@
 namespace cairn {
 
 void SurfacePoints::add(const Mesh& mesh) {
-  // Samples of a third of the spacing; in each cube the one nearest to its middle.
+  // Samples at a third of the spacing; keeps the sample closest to the center of each cube.
   struct Sample {
     float distance;
     std::uint32_t triangle;

@@ -8,13 +8,13 @@
 
 namespace cairn {
 
-/// Points on surfaces, one in each cube of a grid that a surface goes through.
+/// Points on surfaces: one per occupied cube of a grid.
 class SurfacePoints {
  public:
-  /// `spacing`: side of the cubes, metres.
+  /// `spacing`: side of the cubes, meters.
   explicit SurfacePoints(float spacing) : spacing_(spacing) {}
   void add(const Mesh& mesh);
-  /// So far; without triangles.
+  /// Points so far; no triangles.
   [[nodiscard]] const Mesh& points() const { return points_; }
 
  private:

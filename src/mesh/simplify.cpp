@@ -17,14 +17,14 @@
 namespace cairn {
 namespace {
 
-constexpr int kRounds = 4;          // of making again what came out with sides of three triangles
-constexpr float kFarthest = 2.5f;   // of a surface beside another, in units of what quadrics tell: on spheres 2.4
-constexpr float kRegionScale = 24;  // Felzenszwalb & Huttenlocher's k, in steps of colour
+constexpr int kRounds = 4;          // attempts to repeat a collapse with non-manifold results
+constexpr float kFarthest = 2.5f;   // maximum distance between surfaces in units of the quadric error: on spheres 2.4
+constexpr float kRegionScale = 24;  // Felzenszwalb & Huttenlocher's k, in color steps
 constexpr std::uint32_t kSmallRegion = 64;  // triangles; smaller regions are noise
-constexpr float kAnyError = 1;              // of the mesh's size
-constexpr int kVotes = 2;                   // of neighbours, to straighten the edges of regions
+constexpr float kAnyError = 1;              // relative to the mesh size
+constexpr int kVotes = 2;                   // voting rounds to straighten the borders of regions
 
-/// What meshoptimizer works on: a vertex for each region that meets in it, which makes the edges between regions seams.
+/// Input of meshoptimizer: a vertex per region that meets in it, which turns the edges between regions into seams.
 struct Split {
   std::vector<Eigen::Vector3f> positions;
   std::vector<std::uint32_t> original, indices;
@@ -36,7 +36,7 @@ Split split_by_region(const Mesh& mesh, const std::vector<std::uint32_t>& region
   split.original.resize(mesh.positions.size());
   std::iota(split.original.begin(), split.original.end(), 0u);
   std::vector<std::uint32_t> region_of(mesh.positions.size(), kNone);
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> more;  // vertex and region
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> more;  // keys: vertex and region
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
     for (std::uint32_t v : mesh.triangles[i]) {
       const std::uint32_t r = region.empty() ? 0 : region[i];
@@ -54,7 +54,7 @@ Split split_by_region(const Mesh& mesh, const std::vector<std::uint32_t>& region
   return split;
 }
 
-/// meshoptimizer leaves a point alone where three or more vertices meet: unused ones lock it.
+/// Locks vertices: meshoptimizer does not move a position shared by three or more vertices, so unused copies are added.
 void lock_vertices(Split& split, const Mesh& mesh, const std::vector<bool>& locked) {
   for (std::uint32_t v = 0; v < locked.size(); ++v)
     if (locked[v])
@@ -64,14 +64,14 @@ void lock_vertices(Split& split, const Mesh& mesh, const std::vector<bool>& lock
       }
 }
 
-/// Of make_manifold: vertices that other meshes have, too.
+/// Predicate for make_manifold: vertices shared with other meshes.
 auto is_in(const std::vector<bool>& locked) {
   return [&locked](std::uint32_t v) { return v < locked.size() && locked[v]; };
 }
 
 using Corners = std::array<std::uint32_t, 3>;
 
-/// The triangles between locked vertices alone, each from its lowest vertex on.
+/// Triangles with three locked vertices, each from its lowest vertex on.
 std::set<Corners> between_locked(const std::vector<Corners>& triangles, const std::vector<bool>& locked) {
   std::set<Corners> all;
   for (Corners t : triangles)
@@ -82,8 +82,8 @@ std::set<Corners> between_locked(const std::vector<Corners>& triangles, const st
   return all;
 }
 
-/// Vertices of edges with more than two triangles, those between several fans of triangles, and those of triangles
-/// between locked vertices that were not there `before`: another mesh may get the same triangle.
+/// Vertices of edges with more than two triangles, vertices with several fans of triangles, and vertices of triangles
+/// between locked vertices that are not in `before`: another mesh may create the same triangle.
 std::vector<std::uint32_t> where_not_manifold(const Mesh& mesh, const std::vector<bool>& locked,
                                               const std::set<Corners>& before) {
   const std::vector<std::uint32_t> vertex_id = weld(mesh);
@@ -101,15 +101,15 @@ std::vector<std::uint32_t> where_not_manifold(const Mesh& mesh, const std::vecto
   return bad;
 }
 
-/// Two triangles at one side.
+/// Two triangles with a common side.
 struct Link {
-  float difference;  // of colour
+  float difference;  // color difference
   std::uint32_t a, b;
 };
 
-/// By difference.
+/// Sorted by difference.
 std::vector<Link> links_between(const Mesh& mesh) {
-  std::vector<Eigen::Vector3f> colour;  // of triangles
+  std::vector<Eigen::Vector3f> colour;  // by triangle
   for (const auto& t : mesh.triangles) {
     Eigen::Vector3f sum = Eigen::Vector3f::Zero();
     for (const std::uint32_t v : t)
@@ -130,8 +130,8 @@ std::vector<Link> links_between(const Mesh& mesh) {
   return links;
 }
 
-/// Regions grow together while they differ no more than they do within (Felzenszwalb & Huttenlocher 2004); then small
-/// ones join the neighbour most like them.
+/// Graph-based segmentation: merges regions if their difference does not exceed their internal differences
+/// (Felzenszwalb & Huttenlocher 2004), then merges small regions with their most similar neighbor.
 std::vector<std::uint32_t> segment(std::size_t triangles, const std::vector<Link>& links) {
   std::vector<std::uint32_t> parent(triangles), size(triangles, 1);
   std::iota(parent.begin(), parent.end(), 0u);
@@ -162,7 +162,7 @@ std::vector<std::uint32_t> segment(std::size_t triangles, const std::vector<Link
   return region;
 }
 
-/// Triangles of which two neighbours are of one region join it: edges of regions become straight.
+/// Assigns each triangle to the region of a majority of its neighbors, which straightens the borders of regions.
 void straighten(std::vector<std::uint32_t>& region, const std::vector<Link>& links) {
   std::vector<std::array<std::uint32_t, 3>> neighbours(region.size(), {kNone, kNone, kNone});
   for (const Link& link : links)
@@ -186,8 +186,8 @@ float scale_of(const Mesh& mesh) {
   return meshopt_simplifyScale(mesh.positions[0].data(), mesh.positions.size(), sizeof(Eigen::Vector3f));
 }
 
-/// Down to `target` triangles as far as the surface moves no more than `allowed` of its size.
-/// `leave`: of what is left at the end, see make_manifold.
+/// Collapses edges down to `target` triangles, as long as the surface moves by at most `allowed` of its size.
+/// `leave`: options for the final make_manifold.
 Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::vector<bool>& locked, bool keep_colours,
                     const ManifoldOptions& leave) {
   const float scale = scale_of(mesh);
@@ -212,7 +212,7 @@ Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::ve
       (void)make_manifold(mesh, leave);
       break;
     }
-    // What collapsed there stays as it was: the surroundings of these vertices are locked.
+    // Keeps the original surface there: locks the neighborhood of these vertices.
     std::vector<bool> near(mesh.positions.size(), false);
     for (const std::uint32_t v : bad) near[v] = true;
     for (int ring = 0; ring <= round; ++ring) {
@@ -229,7 +229,7 @@ Simplified collapse(Mesh& mesh, std::size_t target, float allowed, const std::ve
   return {kFarthest * error * scale, drop_unused_vertices(mesh)};
 }
 
-/// Down to `target` triangles whatever becomes of the shape: vertices of a coarse grid's cells become one.
+/// Reduces to `target` triangles regardless of the shape: merges the vertices of each cell of a coarse grid.
 Simplified cluster(Mesh& mesh, std::size_t target) {
   std::vector<std::uint32_t> all;
   for (const auto& t : mesh.triangles) all.insert(all.end(), t.begin(), t.end());
@@ -244,9 +244,9 @@ Simplified cluster(Mesh& mesh, std::size_t target) {
   return {error * scale, drop_unused_vertices(mesh)};
 }
 
-/// No more than `most` triangles. What stands in the way goes in turn: edges of colours, locked vertices, and in the
-/// end the shape itself. Pieces that become two triangles on each other are kept where without them next to nothing
-/// would be left.
+/// Reduces to at most `most` triangles. Drops constraints in this order: color edges, locked vertices, and finally the
+/// shape itself. Components that collapse to two opposite triangles are kept if almost nothing would be left without
+/// them.
 Simplified collapse_to(Mesh& mesh, std::size_t most, const std::vector<bool>& locked, bool keep_colours) {
   const bool has_colours = keep_colours && !mesh.colours.empty(),
              has_locked = std::find(locked.begin(), locked.end(), true) != locked.end();

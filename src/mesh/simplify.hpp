@@ -9,18 +9,18 @@
 namespace cairn {
 
 struct Simplified {
-  float error = 0;                  // metres, how far the surface may have moved; quadrics tell a part of it
-  std::vector<std::uint32_t> kept;  // vertices, in their order
+  float error = 0;                  // meters, maximum displacement of the surface; the quadric error underestimates it
+  std::vector<std::uint32_t> kept;  // vertices, in order
 };
 
-/// Fewer triangles by collapsing edges (Garland & Heckbert 1997, meshoptimizer). Vertices stay where they are, borders
-/// become straight only within the error, `locked` vertices stay (empty: none). `keep_colours`: edges between regions
-/// of different colours stay where they are, as borders do. The result has no side with more than two triangles.
-/// SimplifyOptions::triangles holds whatever it takes: where a mesh cannot have so few otherwise, colours, locked
-/// vertices and in the end the shape itself are not kept.
+/// Simplifies by edge collapse (Garland & Heckbert 1997, meshoptimizer). Vertices keep their positions, borders are
+/// straightened only within the error, and `locked` vertices are kept (empty: none). `keep_colours`: preserves edges
+/// between regions of different colors like borders. The result has no side with more than two triangles.
+/// SimplifyOptions::triangles is a hard limit: if necessary, colors, locked vertices and finally the shape itself are
+/// not preserved.
 Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vector<bool>& locked, bool keep_colours);
 
-/// Regions of one colour, by triangle (Felzenszwalb & Huttenlocher 2004).
+/// Regions of similar color, by triangle (Felzenszwalb & Huttenlocher 2004).
 [[nodiscard]] std::vector<std::uint32_t> colour_regions(const Mesh& mesh);
 
 }  // namespace cairn

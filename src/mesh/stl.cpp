@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Binary STL (3D Systems 1988): triangles for printing, without colours.
+// Binary STL (3D Systems 1988): triangles for printing, without colors.
 #include <bit>
 #include <cstring>
 #include <limits>
@@ -20,12 +20,12 @@ constexpr std::size_t kHeader = 80, kTriangle = 50;  // bytes
 }  // namespace
 
 void write_stl(const std::filesystem::path& file, const std::vector<Mesh>& parts, Axes axes) {
-  axes = resolved(axes, Axes::z_up);  // as printers have it
+  axes = resolved(axes, Axes::z_up);  // the convention of printers
   std::size_t count = 0;
   for (const Mesh& mesh : parts) count += mesh.triangles.size();
   if (count > std::numeric_limits<std::uint32_t>::max())
     throw std::runtime_error(file.string() + ": STL holds no more than 4,294,967,295 triangles; simplify it");
-  std::string bytes = "cairn, metres, " + described(axes);  // not "solid", by which readers tell text
+  std::string bytes = "cairn, metres, " + described(axes);  // must not start with "solid", which marks text files
   bytes.resize(kHeader, ' ');
   bytes.reserve(kHeader + 4 + kTriangle * count);
   const auto put = [&](const auto& value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };

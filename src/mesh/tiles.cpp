@@ -19,13 +19,14 @@ namespace cairn {
 namespace {
 
 nlohmann::json to_json(const Tile& tile) {
-  // The world is y down and z forward, so up is -y and forward, which comes from glTF's -z, is y.
+  // The world is y down and z forward, so up is -y; forward, glTF's -z, is y of the tileset.
   const Eigen::AlignedBox3f box = tile.box.isEmpty() ? Eigen::AlignedBox3f(Eigen::Vector3f::Zero()) : tile.box;
   const Eigen::Vector3f c = box.center(), h = (box.sizes() / 2).cwiseMax(1e-3f);
   nlohmann::json j{{"boundingVolume", {{"box", {c.x(), c.z(), -c.y(), h.x(), 0, 0, 0, h.z(), 0, 0, 0, h.y()}}}},
                    {"geometricError", tile.children.empty() && !tile.is_tileset ? 0.0 : tile.error}};
   if (!tile.content.empty()) j["content"] = {{"uri", tile.content}};
-  // Nothing of its own to replace: viewers show each child as soon as it is there, and load those in sight alone.
+  // An empty parent needs no replacement: with ADD, viewers show each child once loaded, and load only visible
+  // children.
   j["refine"] = tile.content.empty() ? "ADD" : "REPLACE";
   for (const Tile& child : tile.children) j["children"].push_back(to_json(child));
   return j;

@@ -11,31 +11,32 @@
 
 namespace cairn {
 
-/// A tile of 3D Tiles 1.1 (OGC 22-025r4): a .glb that its children, with more detail, replace.
+/// A tile of 3D Tiles 1.1 (OGC 22-025r4): a .glb, replaced by its children at higher detail.
 struct Tile {
-  std::string content;      // its address as seen from tileset.json; empty: none
-  Eigen::AlignedBox3f box;  // of what is in it and below, world frame
-  double error = 0;         // metres by which its content is beside the surface
+  std::string content;      // URI relative to tileset.json; empty: none
+  Eigen::AlignedBox3f box;  // bounds of its content and descendants, world frame
+  double error = 0;         // geometric error: distance of its content from the surface, meters
   std::vector<Tile> children;
-  bool is_tileset = false;  // content: it has children of its own
+  bool is_tileset = false;  // the content is a tileset with its own children
 };
 
-/// From a tileset's axes (z up, y forward) to the Earth's (WGS 84; x at latitude and longitude 0, z north; metres).
+/// Transform from the tileset's axes (z up, y forward) to the Earth's (WGS 84; x at latitude and longitude 0,
+/// z north; meters).
 [[nodiscard]] Eigen::Isometry3d earth_from_tileset(const GeoPlace& place);
 
-/// Tells that the meshes of a tile and of those below it lie in a folder; not those of tilesets, which lie elsewhere.
+/// Prefixes the content of a tile and its descendants with a folder, except tilesets, which have their own paths.
 void put_into(Tile& tile, const std::string& folder);
 
-/// A tileset that write_tileset has made, without a place on the Earth, to be the content of a tile of another one.
+/// A tileset written by write_tileset without geographic position, for use as the content of another tileset's tile.
 struct TilesetFile {
   Tile root;                      // without content and children: it is a tileset
-  std::filesystem::path content;  // the root's mesh; empty: it has none
+  std::filesystem::path content;  // the root's mesh; empty: none
 };
-/// Throws std::runtime_error for what is none.
+/// Throws std::runtime_error if the file is not a tileset.
 [[nodiscard]] TilesetFile read_tileset_file(const std::filesystem::path& file);
 
-/// Writes tileset.json, whole or not at all. Tilesets are z-up: what glTF calls -z is their y. `place`: where globes
-/// show it, by the root's transform; none: around their own origin.
+/// Writes tileset.json atomically. Tilesets are z-up: glTF's -z is their y. `place`: geographic position, stored in the
+/// root's transform; none: local coordinates.
 void write_tileset(const std::filesystem::path& file, const Tile& root, const std::optional<GeoPlace>& place = {});
 
 }  // namespace cairn

@@ -41,7 +41,7 @@ std::vector<std::uint32_t> weld(const Mesh& mesh) {
   first.reserve(mesh.positions.size());
   std::vector<std::uint32_t> vertex_id(mesh.positions.size());
   for (std::size_t v = 0; v < vertex_id.size(); ++v) {
-    const Eigen::Vector3f p = mesh.positions[v] + Eigen::Vector3f::Zero();  // there is one zero only
+    const Eigen::Vector3f p = mesh.positions[v] + Eigen::Vector3f::Zero();  // -0 becomes +0
     vertex_id[v] = first
                        .try_emplace({std::bit_cast<std::uint32_t>(p.x()), std::bit_cast<std::uint32_t>(p.y()),
                                      std::bit_cast<std::uint32_t>(p.z())},
@@ -154,7 +154,7 @@ MeshTopology examine_topology(const Mesh& mesh) {
     std::sort(c.begin(), c.end());
     topology.coincident_triangles += !corners.insert(c).second;
   }
-  // Borders hang together where they share a vertex.
+  // Border edges with a common vertex belong to the same border.
   std::vector<std::array<std::uint32_t, 2>> border;
   for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
     topology.non_manifold_edges += end - begin > 2;

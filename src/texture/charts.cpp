@@ -13,7 +13,7 @@
 
 #include "mesh/topology.hpp"
 
-// stb's rectangle packer: a header that is a program.
+// stb's rectangle packer, a header with its implementation.
 #define STB_RECT_PACK_IMPLEMENTATION
 #define STBRP_STATIC
 #pragma GCC diagnostic push
@@ -25,11 +25,12 @@ namespace cairn {
 namespace {
 
 constexpr int kSide = shader::kTileSide;
-constexpr int kPadding = 2;        // texels around each chart that belong to it
-constexpr float kTurned = 0.62f;   // cosine between a chart's axis and the smoothed surface in it, at least
-constexpr float kFlat = 0.2f;      // the same of a triangle itself
-constexpr int kSmoothings = 4;     // of normals
-constexpr float kSubtexels = 256;  // corners are rounded to them, so that neighbours agree to whom a texel belongs
+constexpr int kPadding = 2;        // texels of padding around each chart
+constexpr float kTurned = 0.62f;   // minimum cosine between a chart's axis and the smoothed normals in it
+constexpr float kFlat = 0.2f;      // same for the triangle's own normal
+constexpr int kSmoothings = 4;     // iterations for normals
+constexpr float kSubtexels = 256;  // corner positions are rounded to these, so that adjacent triangles agree on the
+                                   // owner of a texel
 
 using Subtexels = Eigen::Matrix<std::int64_t, 2, 1>;  // fixed-point coordinates in an image
 
@@ -45,7 +46,8 @@ std::int64_t cross(const Subtexels& a, const Subtexels& b, const Subtexels& c) {
   return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
 }
 
-/// Calls `visit(x, y)` for texels whose middle lies in the triangle; of two triangles at a side one alone has it.
+/// Calls `visit(x, y)` for texels with their center in the triangle; a center on a common side belongs to only one of
+/// the two triangles.
 template <class Visit>
 void rasterise(std::array<Subtexels, 3> p, const Visit& visit) {
   const std::int64_t area = cross(p[0], p[1], p[2]);
@@ -70,8 +72,8 @@ void rasterise(std::array<Subtexels, 3> p, const Visit& visit) {
 }
 
 struct Shape {
-  std::vector<Eigen::Vector3f> normal, smooth;         // of triangles
-  std::vector<float> area;                             // of triangles
+  std::vector<Eigen::Vector3f> normal, smooth;         // by triangle
+  std::vector<float> area;                             // by triangle
   std::vector<std::array<std::uint32_t, 3>> adjacent;  // triangles at the sides, or kNone
 };
 
@@ -108,7 +110,7 @@ Shape shape_of(const Mesh& mesh) {
   return shape;
 }
 
-/// Directions along the chart's plane, the first along the longer side of the smallest rectangle around it.
+/// Axes of the chart's plane; the first is along the longer side of the minimum-area rectangle.
 Eigen::Matrix<float, 2, 3> plane_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
                                     const Eigen::Vector3f& axis, float texel) {
   Eigen::Matrix<float, 2, 3> plane;
@@ -140,7 +142,7 @@ Eigen::Vector2i size_of(const Chart& chart) {
   return (chart.high - chart.low).array().ceil().cast<int>() + 1 + 2 * kPadding;
 }
 
-/// A triangle in the image of its chart, texels.
+/// Corners of a triangle in the image of its chart, texels.
 std::array<Eigen::Vector2f, 3> corners_in(const Chart& chart, const Mesh& mesh, std::uint32_t triangle) {
   std::array<Eigen::Vector2f, 3> corners;
   for (std::size_t k = 0; k < 3; ++k)
@@ -149,7 +151,7 @@ std::array<Eigen::Vector2f, 3> corners_in(const Chart& chart, const Mesh& mesh, 
   return corners;
 }
 
-/// Takes triangles out of a chart that would overlap others of it; returns them.
+/// Removes triangles from a chart that would overlap others of the chart; returns them.
 std::vector<std::uint32_t> take_out_overlapping(Chart& chart, const Mesh& mesh) {
   const Eigen::Vector2i size = size_of(chart);
   std::vector<bool> covered(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()), false);
@@ -168,7 +170,7 @@ std::vector<std::uint32_t> take_out_overlapping(Chart& chart, const Mesh& mesh) 
   return out;
 }
 
-/// Charts that are too large for a texture become several.
+/// Splits charts that are too large for a texture.
 std::vector<Chart> cut(const Mesh& mesh, Chart chart, int max_size) {
   const Eigen::Vector2i parts = size_of(chart).unaryExpr([&](int s) { return 1 + s / (max_size - 2 * kPadding); });
   std::vector<Chart> charts;
@@ -191,7 +193,7 @@ std::vector<Chart> cut(const Mesh& mesh, Chart chart, int max_size) {
   return charts;
 }
 
-/// A rectangle of the texture for each chart.
+/// Rectangles of the charts in the texture.
 struct Layout {
   int width = 0, height = 1;
   std::vector<stbrp_rect> rects;
@@ -218,7 +220,7 @@ std::optional<Layout> lay_out(const std::vector<Chart>& charts, int max_size) {
   return layout;
 }
 
-/// The mesh with a vertex for each chart that it belongs to, and with texture coordinates.
+/// The mesh with texture coordinates and a separate vertex per chart.
 Mesh unwrapped(const Mesh& mesh, const std::vector<Chart>& charts, const Layout& layout) {
   Mesh result;
   result.texture.width = layout.width;
@@ -251,7 +253,7 @@ Mesh unwrapped(const Mesh& mesh, const std::vector<Chart>& charts, const Layout&
   return result;
 }
 
-/// The triangle at each texel of a chart's rectangle, or kNone.
+/// Triangle at each texel of a chart's rectangle, or kNone.
 struct TriangleImage {
   int width, height;
   std::vector<std::uint32_t> triangles;
@@ -262,7 +264,7 @@ struct TriangleImage {
   [[nodiscard]] bool contains(int x, int y) const { return x >= 0 && y >= 0 && x < width && y < height; }
 };
 
-/// Texels around the chart, which filters look at, get the triangle beside them.
+/// Extends the chart by the padding for texture filters: each padding texel gets an adjacent triangle.
 void dilate(TriangleImage& image) {
   for (int ring = 0; ring < kPadding; ++ring) {
     const std::vector<std::uint32_t> before = image.triangles;
@@ -274,7 +276,7 @@ void dilate(TriangleImage& image) {
   }
 }
 
-/// A sliver may cover no texel's middle: what lies around it is coloured all the same.
+/// Rasterizes a chart. Slivers may cover no texel center; their surroundings are colored nevertheless.
 TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height, std::uint32_t first) {
   TriangleImage image{width, height, {}};
   image.triangles.assign(image.index(0, height), kNone);
@@ -285,7 +287,7 @@ TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height, 
   return image;
 }
 
-/// Those of a chart. `first`: the number of its first triangle where they are counted on.
+/// Tiles of a chart. `first`: index of its first triangle in the atlas mesh.
 std::vector<TextureAtlas::Tile> tiles_of(const Chart& chart, const Mesh& mesh, const stbrp_rect& rect,
                                          std::uint32_t first) {
   const TriangleImage image = draw(chart, mesh, rect.w, rect.h, first);
@@ -317,7 +319,7 @@ std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
     return flatness(a) > flatness(b);
   });
   std::vector<Chart> charts;
-  std::vector<std::uint32_t> visit(n, 0);  // by triangle: the last growth that came by
+  std::vector<std::uint32_t> visit(n, 0);  // by triangle: the last growth that reached it
   std::vector<bool> taken(n, false);
   std::uint32_t growth = 0;
   const auto grow = [&](std::uint32_t seed, const Eigen::Vector3f& axis) {
@@ -367,7 +369,7 @@ std::optional<TextureAtlas> pack(const Mesh& mesh, const std::vector<Chart>& cha
   TextureAtlas atlas;
   atlas.charts = static_cast<int>(charts.size());
   atlas.mesh = unwrapped(mesh, charts, *layout);
-  std::vector<std::uint32_t> first;  // triangle of each chart
+  std::vector<std::uint32_t> first;  // first triangle of each chart
   std::uint32_t triangles = 0;
   for (const Chart& chart : charts) {
     first.push_back(triangles);
@@ -429,8 +431,8 @@ void fill_between(Texture& texture, std::vector<bool> known) {
     std::vector<Eigen::Vector3f> colour;
     std::vector<float> weight;
   };
-  // Means of what is known, coarser and coarser; then back, each unknown texel from the coarser level (Gortler et al.
-  // 1996, pull-push).
+  // Pull-push (Gortler et al. 1996): means of known texels at coarser and coarser levels, then each unknown texel from
+  // the next coarser level.
   const auto index = [](int width, int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
   };

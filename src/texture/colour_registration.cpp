@@ -11,11 +11,11 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kEnough = 2000;  // pairs of a point and a keyframe
-constexpr double kHuber = 0.06;        // of the range of brightness
-constexpr double kBetter = 0.9;        // of the cost that has to be left
+constexpr std::size_t kEnough = 2000;  // minimum number of residuals, pairs of a point and a keyframe
+constexpr double kHuber = 0.06;        // relative to the brightness range
+constexpr double kBetter = 0.9;        // maximum ratio of the new to the old cost
 
-using Vector = Eigen::Matrix<double, 7, 1>;  // rotation vector, translation in metres, focal scale - 1
+using Vector = Eigen::Matrix<double, 7, 1>;  // rotation vector, translation in meters, focal scale - 1
 using Matrix = Eigen::Matrix<double, 7, 7>;
 
 shader::ColourCamera camera_of(const Vector& x) {
@@ -27,13 +27,13 @@ double robust(double r) {  // Huber 1964
   return std::abs(r) <= kHuber ? r * r : kHuber * (2 * std::abs(r) - kHuber);
 }
 
-/// Differences to the mean of all that see a point, where more than one does.
+/// Differences from the mean brightness of a point, for points with at least two observations.
 struct Residuals {
   std::vector<double> value;
-  double cost = 0;  // the mean of them, robust
+  double cost = 0;  // mean robust cost
 };
 
-/// `which`: the observations that count; nullptr: all.
+/// `which`: observations to use; nullptr: all.
 Residuals residuals_of(const ColourObservations& o, const std::vector<float>& brightness,
                        const std::vector<bool>* which) {
   std::vector<double> sum(o.points, 0), count(o.points, 0);
@@ -56,7 +56,7 @@ Residuals residuals_at(const ColourObservations& o, const Vector& x, bool sharp,
   return residuals_of(o, o.brightness(camera_of(x), sharp), which);
 }
 
-/// Where to begin: fields of view differ more than anything else.
+/// Initial value: the field of view usually has the largest error.
 Vector best_focal_scale(const ColourObservations& o) {
   Vector best = Vector::Zero();
   double least = std::numeric_limits<double>::infinity();
@@ -69,16 +69,16 @@ Vector best_focal_scale(const ColourObservations& o) {
   return best;
 }
 
-/// The normal equations at a camera, from the observations that it and those a step beside it all have.
+/// Normal equations at a camera, from the observations visible with this camera and all finite-difference steps.
 struct NormalEquations {
   Matrix a = Matrix::Zero();
   Vector g = Vector::Zero();
   double cost = 0;
-  std::vector<bool> seen_by_all;  // observations
+  std::vector<bool> seen_by_all;  // by observation
 };
 
 NormalEquations linearise(const ColourObservations& o, const Vector& x, bool sharp) {
-  // Steps of derivatives, and how far from nothing a camera may be: radians, metres, focal scale.
+  // Finite-difference steps and standard deviations of the prior: radians, meters, focal scale.
   const Vector step = (Vector() << 2e-3, 2e-3, 2e-3, 4e-3, 4e-3, 4e-3, 2e-3).finished();
   const Vector usual = (Vector() << 0.02, 0.02, 0.02, 0.03, 0.03, 0.03, 0.05).finished();
   const std::vector<float> at = o.brightness(camera_of(x), sharp);
@@ -103,14 +103,14 @@ NormalEquations linearise(const ColourObservations& o, const Vector& x, bool sha
     n.a += w * j * j.transpose();
     n.g += w * now.value[r] * j;
   }
-  // The usual camera is the one that was promised; noise of a tenth.
+  // Prior centered at the nominal camera; assumes noise of 0.1.
   const Vector prior = (0.01 * usual.array().square().inverse()).matrix();
   n.a.diagonal() += prior;
   n.g += prior.cwiseProduct(x);
   return n;
 }
 
-/// Levenberg-Marquardt. Own code, since which observations count changes with every step.
+/// Levenberg-Marquardt. Own implementation, because the set of valid observations changes with every step.
 Vector refine(const ColourObservations& o, Vector x, bool sharp, int iterations) {
   double damping = 1e-3;
   for (int i = 0; i < iterations; ++i) {

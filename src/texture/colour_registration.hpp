@@ -9,17 +9,17 @@
 
 namespace cairn {
 
-/// Points of a surface as several keyframes may see them.
+/// Surface points possibly visible in several keyframes.
 struct ColourObservations {
   std::size_t points = 0;
-  std::vector<std::size_t> point;  // of each observation
-  /// Brightness of 0..1 of each observation through a colour camera, `sharp` or its low frequencies; -1: not seen.
+  std::vector<std::size_t> point;  // point index by observation
+  /// Brightness in 0..1 by observation for a color camera, `sharp` or low frequencies only; -1: not visible.
   std::function<std::vector<float>(const shader::ColourCamera& camera, bool sharp)> brightness;
 };
 
-/// The rotation, translation and focal scale of the colour camera with which what is observed of a point agrees best
-/// (as Zhou & Koltun 2014 move each image). Nothing where it does not agree much better so, or where too little is
-/// observed.
+/// Rotation, translation and focal scale of the color camera that maximize the color consistency of the points (Zhou &
+/// Koltun 2014, with a common correction instead of one per image). Returns no value if the improvement is too small or
+/// there are too few observations.
 [[nodiscard]] std::optional<shader::ColourCamera> register_colour_camera(const ColourObservations& observations);
 
 }  // namespace cairn

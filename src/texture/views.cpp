@@ -21,17 +21,19 @@
 namespace cairn {
 namespace {
 
-constexpr float kTolerance = 0.02f;        // metres between the surface and what a keyframe measured, beside noise
-constexpr std::size_t kBatchTiles = 4096;  // that are coloured at once
-constexpr int kGridX = 12, kGridY = 9;     // points of a keyframe whose exposure others are compared with
-constexpr std::size_t kEnoughPoints = 8;   // that two keyframes see
-constexpr double kPull = 0.02;             // of gains to 1, in pairs of this weight
-constexpr double kMaxGain = 1.0;           // logarithm
-constexpr int kDarkest = 12;               // of 255; darker colours tell nothing about exposure
+constexpr float kTolerance = 0.02f;        // meters in addition to the noise, maximum distance between the surface and
+                                           // a keyframe's depth
+constexpr std::size_t kBatchTiles = 4096;  // colored per dispatch
+constexpr int kGridX = 12, kGridY = 9;     // sample points per keyframe for exposure comparison
+constexpr std::size_t kEnoughPoints = 8;   // minimum number of common points of two keyframes
+constexpr double kPull = 0.02;             // weight of the prior that pulls gains to 1, relative to the mean weight of
+                                           // pairs
+constexpr double kMaxGain = 1.0;           // limit of the logarithm
+constexpr int kDarkest = 12;               // of 255; darker colors carry no information about exposure
 
 std::uint32_t pixels_of(const Camera& c) { return static_cast<std::uint32_t>(c.width * c.height); }
 
-/// Interleaves the bits of three numbers: near points have near codes (Morton 1966).
+/// Interleaves the bits of three numbers: close points get close codes (Morton 1966).
 std::uint64_t morton(const Eigen::Vector3f& p) {
   std::uint64_t code = 0;
   for (int axis = 0; axis < 3; ++axis) {
@@ -41,7 +43,8 @@ std::uint64_t morton(const Eigen::Vector3f& p) {
   return code;
 }
 
-/// `differences`: logarithms of the colours of `a` over those of `b`, by channel. Nothing where there are too few.
+/// `differences`: logarithms of the ratio of the colors of `a` and `b`, by channel. Returns no value if there are too
+/// few.
 std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
                                           std::array<std::vector<double>, 3>& differences) {
   ExposurePair pair{.a = a, .b = b};
@@ -79,7 +82,7 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
       sample_(device_, "texture_sample", texture_sample_comp, shader::constants_of(rig.sensor)),
       sample_view_(device_, sizeof(shader::TextureView)) {
   const Eigen::Isometry3d depth_from_colour = rig.depth_from_colour();
-  for (TextureKeyframe& k : keyframes_) {  // from here on they are the colour camera's
+  for (TextureKeyframe& k : keyframes_) {  // poses and velocities become those of the color camera
     k.world_from_camera = k.world_from_camera * depth_from_colour;
     k.velocity = adjoint(depth_from_colour.inverse()) * k.velocity;
     camera_from_world_.emplace_back(k.world_from_camera.inverse().cast<float>());
@@ -90,7 +93,7 @@ const TextureViews::OnDevice& TextureViews::on_device(std::size_t keyframe) cons
   return *images_[static_cast<std::size_t>(slot_[keyframe])];
 }
 
-/// Brings keyframes' images to the device, no more than it holds.
+/// Loads keyframe images to the device, at most as many as its capacity.
 void TextureViews::bring(std::span<const std::size_t> keyframes) {
   ++use_;
   std::vector<std::size_t> missing;
@@ -178,7 +181,7 @@ float TextureViews::texel_size(const Mesh& mesh) const {
   return sizes[sizes.size() / 2];
 }
 
-/// Points that a keyframe has measured, on a grid of its image, turned to it.
+/// Measured points of a keyframe on a grid of its image, with normals towards the camera.
 std::vector<shader::Texel> TextureViews::points_of(std::size_t keyframe, int columns, int rows) {
   std::vector<shader::uvec2> pixels(pixels_of(camera_));
   gpu::Batch batch(device_);
@@ -222,8 +225,8 @@ std::vector<std::uint32_t> TextureViews::sample(std::size_t keyframe, const std:
 }
 
 void TextureViews::register_colour() {
-  constexpr std::size_t kGroups = 8, kInGroup = 5;  // of neighbouring keyframes, spread over all
-  constexpr int kColumns = 24, kRows = 18;          // of points a keyframe
+  constexpr std::size_t kGroups = 8, kInGroup = 5;  // groups of consecutive keyframes, spread over the trajectory
+  constexpr int kColumns = 24, kRows = 18;          // sample points per keyframe
   std::vector<std::size_t> chosen;
   const std::size_t group = std::max(keyframes_.size() / kGroups, kInGroup);
   for (std::size_t k = 0; k < keyframes_.size() && chosen.size() < capacity_; ++k) {
@@ -231,12 +234,13 @@ void TextureViews::register_colour() {
     bring(std::array{k});
     if (on_device(k).has_colour) chosen.push_back(k);
   }
-  // Points of some keyframes, and which of these may see each.
+  // Points of the chosen keyframes, with all keyframes in which each may be visible.
   std::vector<shader::Texel> points;
   for (const std::size_t k : chosen)
     for (const shader::Texel& p : points_of(k, kColumns, kRows)) points.push_back(p);
   ColourObservations observations{.points = points.size(), .point = {}, .brightness = {}};
-  std::vector<std::pair<std::size_t, std::vector<shader::Texel>>> asked;  // of keyframes, as the observations go
+  std::vector<std::pair<std::size_t, std::vector<shader::Texel>>> asked;  // by keyframe, in the order of the
+                                                                          // observations
   for (const std::size_t k : chosen) {
     auto& list = asked.emplace_back(k, std::vector<shader::Texel>{}).second;
     for (std::size_t i = 0; i < points.size(); ++i) {
@@ -258,7 +262,7 @@ void TextureViews::register_colour() {
 }
 
 std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, const SeenPoints& earlier) {
-  // Only points that may lie in view are asked for.
+  // Samples only points possibly in view.
   SeenPoints near;
   for (std::size_t i = 0; i < earlier.points.size(); ++i) {
     const std::size_t other = earlier.keyframe[i];
@@ -289,7 +293,7 @@ std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, 
 }
 
 bool TextureViews::compensate_exposure(const std::function<void()>& step) {
-  SeenPoints points;  // of all keyframes so far
+  SeenPoints points;  // points of all keyframes so far
   std::vector<ExposurePair> pairs;
   bool any_colour = false;
   for (std::size_t k = 0; k < keyframes_.size(); ++k) {
@@ -297,7 +301,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
     if (on_device(k).has_colour) {
       any_colour = true;
       for (const ExposurePair& pair : compare_exposures(k, points)) pairs.push_back(pair);
-      // Its own points, with the colour of its low frequencies as the others will be asked for theirs.
+      // Adds the keyframe's own points with low-frequency colors, like those sampled from other keyframes.
       std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
       const std::vector<std::uint32_t> own_colours = sample(k, own, colour_, false);
       for (std::size_t i = 0; i < own.size(); ++i) {
@@ -316,7 +320,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
 std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs) {
   std::vector<Eigen::Vector3f> gains(keyframes, Eigen::Vector3f::Ones());
   if (pairs.empty()) return gains;
-  // For each channel: sum over pairs of count (log gain_a - log gain_b + log a / b)^2 is least.
+  // For each channel, minimizes the sum over pairs of count (log gain_a - log gain_b + log a / b)^2.
   const auto n = static_cast<int>(keyframes);
   double mean = 0;
   for (const ExposurePair& pair : pairs) mean += 2.0 * pair.count / static_cast<double>(keyframes);
@@ -346,13 +350,13 @@ struct TextureViews::Tile {
   Eigen::Vector3f middle, normal;
 };
 
-/// So that those which lie near each other are coloured together.
+/// Spatial order, so that adjacent tiles are colored together.
 std::vector<TextureViews::Tile> TextureViews::in_morton_order(const TextureAtlas& atlas) {
   std::vector<Tile> order(atlas.tiles.size());
   tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t i) {
     Tile& tile = order[i];
     tile.index = i;
-    // The point in the middle, or the one nearest to it in the list.
+    // The central point, or the next texel with a point.
     for (std::size_t k = 0; k < shader::kTileTexels; ++k) {
       const shader::Texel t = atlas.point(atlas.tiles[i], (27 + k) % shader::kTileTexels);
       if (t.normal == 0) continue;
@@ -381,7 +385,7 @@ std::vector<std::size_t> TextureViews::keyframes_that_see(std::span<const Tile> 
   return needed;
 }
 
-/// What a batch of tiles is coloured in: on the device, and on the host.
+/// Buffers for coloring a batch of tiles: on the device, and on the host.
 struct TextureViews::BlendBuffers {
   gpu::Buffer points, chosen, colours, views;
   std::vector<shader::Texel> tile_points;

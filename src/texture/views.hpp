@@ -15,51 +15,52 @@
 
 namespace cairn {
 
-/// A keyframe that may give colour.
+/// A keyframe as a source of color.
 struct TextureKeyframe {
-  std::size_t image = 0;  // what it is called with by the function that gives images
-  Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();  // when the depth image was taken
+  std::size_t image = 0;                                                // its key for GetImage
+  Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();  // at the time of the depth image
   Vector6d velocity = Vector6d::Zero();                                 // of the camera, in its own frame: rad/s, m/s
-  double colour_delay = 0;                                              // seconds from the depth to the colour image
+  double colour_delay = 0;                                              // seconds from the depth to the color image
 };
 
-/// How the colours of two keyframes differ: logarithms of the colour of `a` over that of `b`, the median of `count`
-/// points that both see.
+/// Color difference of two keyframes: logarithm of the ratio of the colors of `a` and `b`, median over `count` common
+/// points.
 struct ExposurePair {
   std::size_t a = 0, b = 0;
   Eigen::Vector3d logarithms = Eigen::Vector3d::Zero();
   int count = 0;
 };
 
-/// Colours surfaces from keyframes. Their images come to the device when they are needed and leave it when others need
-/// the place.
+/// Colors surfaces from keyframes. Images are loaded to the device on demand; the least recently used are replaced.
 class TextureViews {
  public:
-  using GetImage = std::function<Frame(std::size_t image)>;  // from several threads at once
-  /// `volume`: the map, which tells what a keyframe can see where it measured nothing. `memory`: bytes of images on the
-  /// device, about.
+  using GetImage = std::function<Frame(std::size_t image)>;  // called from several threads concurrently
+  /// `volume`: the map, which fills in missing depth of the keyframes. `memory`: approximate limit for images on the
+  /// device, bytes.
   TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions& options, std::vector<TextureKeyframe> keyframes,
                GetImage get_image, std::uint64_t memory);
 
-  /// Finds by how much the keyframes' exposures differ where they see the same, so that blend() takes them to their
-  /// mean. `step` is called after each keyframe. Returns whether any has colour.
+  /// Estimates exposure gains from points visible in several keyframes; blend() then adjusts all keyframes to their
+  /// mean. `step` is called after each keyframe. Returns true if any keyframe has color.
   bool compensate_exposure(const std::function<void()>& step = {});
-  /// Finds how the colour camera lies to the depth camera, where colour is not on depth as it should be, from what
-  /// several keyframes see (register_colour_camera()). Wants compensate_exposure() before it.
+  /// Estimates the pose and focal length of the color camera relative to the depth camera from points visible in
+  /// several keyframes (register_colour_camera()), for color that is not well registered to depth. Call
+  /// compensate_exposure() first.
   void register_colour();
   [[nodiscard]] const shader::ColourCamera& colour_camera() const { return colour_; }
-  /// What each keyframe's colours are multiplied with, by channel.
+  /// Color gain of each keyframe, by channel.
   [[nodiscard]] const std::vector<Eigen::Vector3f>& gains() const { return gains_; }
 
-  /// Colours the atlas' texture. Returns how many of its points a keyframe sees; others get the colour of `unseen`, if
-  /// there is one, else of the mesh's own vertices. `step` is called after each share of the work.
+  /// Colors the texture of the atlas. Returns the number of points visible in a keyframe; all other points get the
+  /// color of `unseen`, if given, else of the mesh's vertices. `step` is called after each batch with its share of the
+  /// work.
   std::size_t blend(TextureAtlas& atlas, const VoxelColours* unseen = nullptr,
                     const std::function<void(double share)>& step = {});
 
-  /// The map is another part of itself from now on: images that were compared with it are brought anew.
+  /// Discards the images on the device, since the volume now holds another part of the map.
   void forget();
 
-  /// A texel's size that shows all that the keyframes see of the points: metres, the median over the points.
+  /// Texel size at which no detail of the keyframes is lost: meters, median over the points.
   [[nodiscard]] float texel_size(const Mesh& mesh) const;
 
   [[nodiscard]] std::size_t size() const { return keyframes_.size(); }
@@ -71,24 +72,23 @@ class TextureViews {
     bool has_colour = false;
     gpu::Buffer pixels, blurred;
   };
-  struct SeenPoints {  // with the colours in which the keyframes that they come from see them
+  struct SeenPoints {  // with their colors in the keyframe of origin
     std::vector<shader::Texel> points;
-    std::vector<std::size_t> keyframe;  // of each, in order
+    std::vector<std::size_t> keyframe;  // keyframe of each point, ascending
   };
   struct Tile;  // of the atlas
   struct BlendBuffers;
   void bring(std::span<const std::size_t> keyframes);
   [[nodiscard]] const OnDevice& on_device(std::size_t keyframe) const;
   [[nodiscard]] std::vector<shader::Texel> points_of(std::size_t keyframe, int columns, int rows);
-  /// What a keyframe on the device sees at some points, `sharp` or its low frequencies: bytes R, G, B, 255; 0: not
-  /// seen.
+  /// Colors of points in a keyframe on the device, `sharp` or low frequencies only: bytes R, G, B, 255; 0: not visible.
   [[nodiscard]] std::vector<std::uint32_t> sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
                                                   const shader::ColourCamera& colour, bool sharp);
   [[nodiscard]] std::vector<ExposurePair> compare_exposures(std::size_t keyframe, const SeenPoints& earlier);
   [[nodiscard]] static std::vector<Tile> in_morton_order(const TextureAtlas& atlas);
-  /// Those that see most of some tiles, no more than the device holds.
+  /// Keyframes with the most visible tiles, at most as many as the device holds.
   [[nodiscard]] std::vector<std::size_t> keyframes_that_see(std::span<const Tile> tiles) const;
-  /// Colours tiles in `tile_colours`: bytes R, G, B, and 255 where a keyframe sees the point.
+  /// Colors tiles into `tile_colours`: bytes R, G, B, and 255 if the point is visible in a keyframe.
   void blend_tiles(const TextureAtlas& atlas, std::span<const Tile> tiles, BlendBuffers& buffers);
   [[nodiscard]] shader::TextureView view_of(std::size_t keyframe) const;
   [[nodiscard]] bool may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const;
@@ -98,7 +98,7 @@ class TextureViews {
   float max_depth_;
   Preprocessor preprocessor_;
   ColourView in_colour_;
-  Camera camera_;  // the one that gives colour, without distortion
+  Camera camera_;  // the color camera, undistorted
   Raycaster raycaster_;
   std::vector<TextureKeyframe> keyframes_;
   std::vector<Eigen::Isometry3f> camera_from_world_;
@@ -108,14 +108,14 @@ class TextureViews {
   std::size_t capacity_;
   std::uint64_t use_ = 0;
   std::vector<std::unique_ptr<OnDevice>> images_;
-  std::vector<int> slot_;  // by keyframe: in images_, or -1
+  std::vector<int> slot_;  // by keyframe: index in images_, or -1
   gpu::Kernel<shader::TexturePreparePush> prepare_, blur_;
   gpu::Kernel<shader::TextureBlendPush> select_, blend_;
   gpu::Kernel<shader::TextureSamplePush> sample_;
-  gpu::Buffer sample_view_, sample_points_, sample_colours_;  // grow with what is asked for
+  gpu::Buffer sample_view_, sample_points_, sample_colours_;  // grow on demand
 };
 
-/// Gains that bring pairs of keyframes together in the mean square, with a little pull to 1 (as Brown & Lowe 2007).
+/// Least-squares gains that equalize pairs of keyframes, with a weak prior at 1 (similar to Brown & Lowe 2007).
 [[nodiscard]] std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs);
 
 }  // namespace cairn

@@ -15,7 +15,7 @@ VoxelColours::VoxelColours(const Mesh& mesh, float size) : size_(size) {
 }
 
 std::uint32_t VoxelColours::at(const Eigen::Vector3f& point, std::uint32_t otherwise) const {
-  // Between the middles of the eight cubes around it.
+  // Trilinear interpolation between the centers of the eight surrounding cubes.
   const Eigen::Vector3f p = point / size_ - Eigen::Vector3f::Constant(0.5f), low = p.array().floor().matrix(),
                         f = p - low;
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
@@ -24,7 +24,7 @@ std::uint32_t VoxelColours::at(const Eigen::Vector3f& point, std::uint32_t other
     const Eigen::Vector3i corner(c & 1, c >> 1 & 1, c >> 2);
     const auto it = means_.find(low.cast<int>() + corner);
     if (it == means_.end()) continue;
-    float weight = 0.02f;  // so that a cube counts also where the point lies on its far side
+    float weight = 0.02f;  // minimum, so that a single known cube counts even at its far side
     weight += (corner.x() != 0 ? f.x() : 1 - f.x()) * (corner.y() != 0 ? f.y() : 1 - f.y()) *
               (corner.z() != 0 ? f.z() : 1 - f.z());
     sum += weight / it->second.count * it->second.sum;

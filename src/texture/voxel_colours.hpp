@@ -8,12 +8,12 @@
 
 namespace cairn {
 
-/// The colours of a mesh's vertices as means over the cubes of a grid, to ask for at points in between.
+/// Mean vertex colors of a mesh in the cubes of a grid, for interpolation.
 class VoxelColours {
  public:
-  /// `size`: side of the cubes, metres.
+  /// `size`: side of the cubes, meters.
   VoxelColours(const Mesh& mesh, float size);
-  /// Bytes R, G, B of the surroundings; `otherwise` where there is no vertex.
+  /// Interpolated color, bytes R, G, B; `otherwise` if no vertex is near.
   [[nodiscard]] std::uint32_t at(const Eigen::Vector3f& point, std::uint32_t otherwise) const;
 
  private:
