@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Masks moving objects in the image to integrate: pixels in front of both the map and the surface that the keyframe saw
-// behind them. Pixels in the keyframe's free space are also excluded from the next keyframe. An object that stays is
-// part of the keyframe after it and is integrated from then on. One thread per pixel of the coarsest level. A first
-// dispatch only counts; if the count is too large, the cause is a wrong pose and no pixel is masked.
+// Masks moving objects in the image to integrate: pixels in front of both the map and the keyframe's surface. Pixels in
+// the keyframe's free space also lose their depth in the next keyframe. An object at rest is part of the keyframe after
+// the next and is integrated from then on. One thread per pixel of the coarsest level. A first dispatch only counts; a
+// count above the limit indicates a wrong pose, and no pixel is masked.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"

@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push { SurfaceColourPush push; };
 FLOATS(0, depth);
 FLOATS(1, nearest);
 WORDS(2, raw_colour);
-layout(binding = 3, scalar) writeonly buffer Fusion { uvec2 fusion[]; };  // (depth bits, colour)
+layout(binding = 3, scalar) writeonly buffer Fusion { uvec2 fusion[]; };  // (depth bits, color)
 
 vec3 colour_at(ivec2 p) { return levels_of(fetch(raw_colour, p.y * int(view().camera.width) + p.x)); }
 

@@ -26,7 +26,7 @@ struct TextureView {
   Rigid camera_from_world;
   vec3 velocity;   // of the camera in its own frame, m/s
   vec3 turn_rate;  // rad/s
-  float delay;     // seconds from the depth image to the colour image
+  float delay;     // seconds from the depth image to the color image
   vec3 gain;       // factor on its colors
   uvec2 pixels;    // device addresses
   uvec2 blurred;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Color of each texel from its tile's views, in two bands (Burt & Adelson 1983): low frequencies are a mean of all
-// views, which hides seams; high frequencies come almost only from the best view, so that slightly misaligned views
-// cause no ghosting. Views with a color far from the mean see another surface and are excluded.
+// views, to hide seams; high frequencies come almost only from the best view, to avoid ghosting by slightly misaligned
+// views. Views with a color far from the mean see another surface and are excluded.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/texture.h"
@@ -13,7 +13,7 @@ layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
 layout(binding = 2, scalar) readonly buffer Chosen { uvec2 chosen[]; };
 layout(binding = 3, scalar) writeonly buffer Colours { uint colours[]; };  // alpha 0: visible in no view
 
-const float kDiffers = 0.1;  // color difference, in 0..1, that reduces the confidence to about a quarter
+const float kDiffers = 0.1;  // color difference, in 0..1, at which the confidence is a quarter
 
 void main() {
   uint i = thread_index(), tile = i / kTileTexels;

@@ -8,7 +8,7 @@
 #include "shaders/texture.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TexturePreparePush push; };
-layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // depth bits, colour
+layout(binding = 0, scalar) readonly buffer Fusion { uvec2 fusion[]; };  // depth bits, color
 layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };  // raycast of the map at half the size: depth
                                                                        // bits
 layout(binding = 2, scalar) writeonly buffer Pixels { uvec2 pixels[]; };

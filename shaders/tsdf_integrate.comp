@@ -12,7 +12,7 @@ layout(local_size_x = 64, local_size_x_id = 15) in;
 layout(push_constant, scalar) uniform Push { TsdfIntegratePush push; };
 layout(binding = 0, scalar) readonly buffer Selection { Selected selected[]; };
 layout(binding = 1, scalar) readonly buffer Slots { SlotState slots[]; };
-PAIRS(2, fusion);  // (depth bits, colour)
+PAIRS(2, fusion);  // (depth bits, color)
 layout(binding = 3, scalar) writeonly buffer Changed { uint changed[]; };   // by selected brick: 1 if a distance has
                                                                             // changed
 layout(binding = 4, scalar) uniform Counts { FusionCounts counts; };

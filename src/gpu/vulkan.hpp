@@ -53,7 +53,7 @@ struct Device::State {
   void wait_for(std::uint64_t submission);
   /// True if all submissions have finished. Does not wait.
   [[nodiscard]] bool is_idle();
-  /// Waits for all submissions, before an object that they may use is destroyed.
+  /// Waits for all submissions before the destruction of an object in use.
   void let_go() noexcept;
   [[nodiscard]] std::unique_ptr<Batch::State> empty_batch();
 
@@ -61,8 +61,8 @@ struct Device::State {
   void note_ended(std::uint64_t submission);
 };
 
-/// A buffer with its own memory. `mapped` is null for memory that the host cannot access. Prefers memory that also has
-/// the `preferred` properties.
+/// A buffer with its own memory. `mapped` is null for memory without host access. Prefers memory that also has the
+/// `preferred` properties.
 struct Allocation {
   Allocation(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage, vk::MemoryPropertyFlags properties,
              vk::MemoryPropertyFlags preferred = {});
@@ -93,7 +93,7 @@ struct Batch::State {
     std::uint64_t offset;
   };
   /// Host-visible memory that grows by chunks. A single chunk is kept for the next run; several chunks are replaced by
-  /// one of their total size, unless it is too large to keep.
+  /// a chunk of their total size, unless too large to keep.
   struct Arena {
     std::deque<Allocation> chunks;
     std::uint64_t used = 0;   // bytes used in the last chunk

@@ -458,9 +458,7 @@ struct GltfWriter::State {
       else
         image["uri"] = as_uri(image_files[i]);
     }
-    if (!model.cameras.empty())
-      j["cameras"][0]["perspective"].erase("zfar");  // tinygltf writes 0 for an infinite far
-                                                     // plane
+    if (!model.cameras.empty()) j["cameras"][0]["perspective"].erase("zfar");  // tinygltf writes 0 for infinity
     if (!compressed.empty()) {
       j["buffers"].push_back(
           {{"byteLength", fallback}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}});

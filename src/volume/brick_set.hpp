@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// Set of bricks, stored as one bit per brick in blocks of 8x8x8 bricks: one or two bytes per surface brick, compared
-/// to twelve in a list.
+/// Set of bricks, stored as a bit per brick in blocks of 8x8x8 bricks: one or two bytes per surface brick, compared to
+/// twelve in a list.
 class BrickSet {
  public:
   BrickSet() = default;

@@ -15,7 +15,7 @@ constexpr int kFar = std::numeric_limits<std::int16_t>::max() / 2;
 
 enum class Space : std::uint8_t { unknown, free, behind };  // behind: behind a surface
 
-/// One value per voxel of a brick and its 26 neighbors.
+/// Values for the voxels of a brick and its 26 neighbors.
 template <class T>
 using Around = std::vector<T>;
 
@@ -41,7 +41,7 @@ Around<Space> gather(const BrickTree& tree, const BrickTree& free, const Eigen::
 }
 
 /// Squared distances in voxels to the nearest voxel behind a surface, for the center brick, up to `reach`. Separable:
-/// one axis at a time (Felzenszwalb & Huttenlocher 2012; brute force per axis because `reach` is short).
+/// processes the axes in turn (Felzenszwalb & Huttenlocher 2012; brute force per axis because `reach` is short).
 Around<std::int16_t> distances(const Around<Space>& space, int reach) {
   Around<std::int16_t> d(space.size());
   for (std::size_t i = 0; i < d.size(); ++i) d[i] = space[i] == Space::behind ? std::int16_t{0} : std::int16_t{kFar};

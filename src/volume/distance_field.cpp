@@ -91,7 +91,7 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
   const Eigen::Vector3f h = p - low.cast<float>();
   std::array<float, 8> corner;  // x << 2 | y << 1 | z
   const Eigen::Vector3i v = low.unaryExpr([](int i) { return i & 15; });
-  if ((v.array() < kSide - 1).all()) {  // all eight corner voxels are in one block
+  if ((v.array() < kSide - 1).all()) {  // all eight corner voxels are in the same block
     const Block* block = block_of(low);
     if (block == nullptr) return {};
     const float* s = block->data() + index_in(v);
@@ -109,7 +109,7 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
                      ((corner[1] - corner[0]) * y0 + (corner[3] - corner[2]) * y1) * x0 +
                          ((corner[5] - corner[4]) * y0 + (corner[7] - corner[6]) * y1) * x1};
   if (std::isnan(answer.distance)) {
-    // A corner is unknown: extrapolate from the voxel that contains the point and its known neighbors.
+    // A corner is unknown: extrapolate from the nearest voxel and its known neighbors.
     const Eigen::Vector3i nearest = p.array().round().cast<int>();
     const float here = at(nearest);
     if (std::isnan(here)) return {};

@@ -33,8 +33,8 @@ constexpr double kSameBall = 0.25;              // voxels of the TSDF
 constexpr std::uint32_t kFirstCapacity = 256;   // blocks: 12 MiB
 constexpr std::uint32_t kSteps = 24;            // wave steps before the host checks the counter; even
 constexpr std::uint32_t kMaxTableBits = 8;      // 256 blocks per side
-constexpr std::uint64_t kVoxelsOfASite = 100;   // voxels that a wave reaches per site; a rebuild is cheaper if that
-                                                // covers the field
+constexpr std::uint64_t kVoxelsOfASite = 100;   // voxels reached by a wave per site; with more sites a rebuild is
+                                                // cheaper
 constexpr std::uint64_t kMostCells = 1 << 25;   // per box of a rebuild: 256 MiB
 constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
 constexpr std::size_t kJobsAtOnce = 4096;       // bricks uploaded from the host at once: 16 MiB
@@ -103,7 +103,7 @@ void Esdf::choose_kernels(bool is_volume_in_texels) {
   if (!kernels_ || kernels_->in_texels != in_texels) kernels_.emplace(device_, in_texels);
 }
 
-/// Buffer to bind as texels; any buffer if the kernel does not read it.
+/// Buffer to bind as texels; any buffer if the kernel does not read texels.
 const gpu::Buffer* Esdf::texels(const gpu::Buffer& buffer) const { return kernels_->in_texels ? &buffer : &counts_; }
 
 shader::EsdfView Esdf::view() const {
@@ -240,9 +240,7 @@ void Esdf::allocate(const std::vector<Block>& blocks) {
     block_of_.push_back(block);
   }
   const auto needed = static_cast<std::uint32_t>(block_of_.size());
-  if (needed > capacity_)
-    resize(std::max({kFirstCapacity, needed, 2 * capacity_}));  // the first allocation fits a
-                                                                // complete map
+  if (needed > capacity_) resize(std::max({kFirstCapacity, needed, 2 * capacity_}));  // first: for a complete map
 
   gpu::Batch batch(device_);
   std::size_t begin = first;

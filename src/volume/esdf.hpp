@@ -18,7 +18,7 @@ namespace cairn {
 /// Size of an ESDF voxel in TSDF voxels. Throws std::runtime_error unless 1, 2, 4 or 8.
 [[nodiscard]] int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options);
 
-/// EsdfOptions::robot_radius, enlarged if necessary to contain one voxel of the field; meters.
+/// EsdfOptions::robot_radius, enlarged if necessary to contain a voxel of the field; meters.
 [[nodiscard]] float free_radius(const FuseOptions& fuse, const EsdfOptions& options);
 
 /// Euclidean signed distance field of a map, on the device. Each voxel stores its nearest site: a voxel crossed by the
@@ -38,7 +38,7 @@ class Esdf {
     bool rebuilt = false;
   };
   /// Updates the field with changed, new and removed bricks. Sites that moved by less than a quarter of a voxel keep
-  /// their position. The result may differ from a rebuild by that amount, and by more only where a site at nearly the
+  /// their position. The result may differ from a rebuild by this distance, and by more only where a site at nearly the
   /// same distance was found. Rebuilds, deterministically to the bit, if most of the field is new.
   Updated update(const Volume& volume, std::span<const Brick> changed);
   /// `also_free`: free space in addition to the map's.
@@ -92,7 +92,7 @@ class Esdf {
       check_list_, distances_;
   std::vector<Block> block_of_;  // by slot
   std::unordered_map<Block, std::uint32_t, BrickHash> slot_of_;
-  std::unordered_set<Block, BrickHash> known_, near_;         // blocks with observed voxels; these with their
+  std::unordered_set<Block, BrickHash> known_, near_;         // blocks with observed voxels; these and their
                                                               // surroundings
   std::unordered_map<Block, int, BrickHash> unknown_around_;  // number of surrounding blocks not in near_; missing: all
   Eigen::AlignedBox3i box_;                                   // bounds of all blocks

@@ -22,7 +22,7 @@ struct GridBrick {
   [[nodiscard]] Brick at() const { return {brick[0], brick[1], brick[2]}; }
 };
 
-/// Brick masks of a map, stored on disk: those of a city exceed the memory.
+/// Brick masks of a map, stored on disk, because the masks of a city exceed the memory.
 class GridBricks {
  public:
   /// Stores the masks on the same disk as `file`.
@@ -32,8 +32,8 @@ class GridBricks {
   /// All bricks appended so far. Valid until the next append.
   [[nodiscard]] std::span<const GridBrick> all();
 
-  /// One mask for each brick from `begin` to `end`, followed by the masks of all other bricks at `steps` from any of
-  /// them, without duplicates.
+  /// Masks of the bricks from `begin` to `end`, followed by the masks of all other bricks at `steps` from any of these,
+  /// without duplicates.
   [[nodiscard]] std::vector<std::pair<Brick, BrickBits>> with_around(std::size_t begin, std::size_t end,
                                                                      BrickBits GridBrick::*mask,
                                                                      std::span<const Brick> steps);

@@ -121,7 +121,7 @@ void for_each_mask(const Tree& tree, const Visit& visit) {
 }
 
 constexpr std::uint32_t kCompression = openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK;
-constexpr std::size_t kLeavesAtOnce = 256;      // packed by one thread
+constexpr std::size_t kLeavesAtOnce = 256;      // packed per thread
 constexpr std::size_t kLeavesInMemory = 16384;  // of a file read in parts: 64 MiB for two grids
 constexpr std::size_t kPacksAtOnce = 8;         // queued for output
 
@@ -151,8 +151,8 @@ std::ostringstream leaf_stream(const Value& background) {
   return out;
 }
 
-/// Writes grids sequentially, so that only one is in memory, and records their offsets, so that a reader can load one
-/// grid without the others. OpenVDB's own writers need all grids at once and pack leaves on one core.
+/// Writes grids sequentially, to keep a single grid in memory, and records their offsets for random access. OpenVDB's
+/// own writers need all grids at once and pack leaves on one core.
 class FileWriter : private openvdb::io::Archive {
  public:
   FileWriter(std::ostream& out, std::int32_t grids) : out_(out) {
@@ -162,7 +162,7 @@ class FileWriter : private openvdb::io::Archive {
     out_.write(reinterpret_cast<const char*>(&grids), sizeof(grids));
   }
 
-  /// Writes all of `grid` except the voxels of its leaves; `write_leaves(stream)` writes these.
+  /// Writes all of `grid` except the voxels of its leaves; `write_leaves(stream)` writes the voxels.
   template <class Grid, class WriteLeaves>
   void write(Grid& grid, const WriteLeaves& write_leaves) {
     grid.setCreator("cairn");
@@ -203,7 +203,7 @@ class FileWriter : private openvdb::io::Archive {
   std::ostream& out_;
 };
 
-/// One of a map's grids: conversion from voxels, and its packed leaves.
+/// Converts voxels to the values of a grid and stores its packed leaves.
 /// `is_signed`: the sign of an inactive voxel marks its side of the surface, as in level sets.
 template <class GridType, class Value, bool is_signed>
 class MapGrid {
@@ -229,7 +229,7 @@ class MapGrid {
     return std::move(out).str();
   }
 
-  /// The grid with leaves that hold active masks but no values.
+  /// The grid with the active masks of its leaves, without values.
   [[nodiscard]] typename Grid::Ptr grid(const char* name, const GridInfo& info,
                                         std::span<const GridBrick> bricks) const {
     auto made = Grid::create(background_);
@@ -1048,9 +1048,7 @@ ReadGrids read_grids(const std::filesystem::path& file) {
     for (openvdb::Index i = 0; i < 512; ++i) {
       if (!leaf->isValueOn(i)) continue;
       const openvdb::Vec3s& rgb = c->getValue(i);
-      const auto is_in = [](float value, float low, float high) {
-        return value >= low && value <= high;
-      };  // false for NaN
+      const auto is_in = [](float value, float low, float high) { return value >= low && value <= high; };  // not NaN
       if (!is_in(leaf->getValue(i) / result.info.truncation, -1.001f, 1.001f) ||
           !is_in(w->getValue(i) * shader::kWeightUnits, 0, 65535) || !is_in(rgb.x(), 0, 1) || !is_in(rgb.y(), 0, 1) ||
           !is_in(rgb.z(), 0, 1) || !is_in(n->getValue(i), 0, 255)) {

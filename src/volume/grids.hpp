@@ -28,7 +28,7 @@ namespace cairn {
 /// Voxels of one brick in OpenVDB's leaf order, see shaders/voxel.h.
 using BrickVoxels = std::array<std::uint64_t, 512>;
 
-/// One bit per voxel of a brick, in the same order: bit i % 64 of word i / 64.
+/// Bit mask of a brick's voxels, in the same order: bit i % 64 of word i / 64.
 using BrickBits = std::array<std::uint64_t, 8>;
 inline constexpr BrickBits kNoBits{}, kAllBits{~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull, ~0ull};
 
@@ -44,8 +44,8 @@ using BrickBox = Eigen::AlignedBox3i;
 
 struct GridInfo;
 
-/// Bricks on the host: an OpenVDB tree with one leaf per brick. Free space is stored separately as one bit per voxel,
-/// also for bricks with voxels: the distance of an observed voxel overrides its bit.
+/// Bricks on the host: an OpenVDB tree with a leaf per brick. Free space is stored separately as a bit per voxel, also
+/// for bricks with voxels: the distance of an observed voxel overrides its bit.
 class BrickTree {
  public:
   BrickTree();
@@ -61,14 +61,14 @@ class BrickTree {
   /// Marks voxels as free. Returns true if any of them is new.
   bool mark_free(const Eigen::Vector3i& brick, const BrickBits& voxels = kAllBits);
   void forget_free();
-  /// Replaces the free space with that of another tree.
+  /// Takes over the free space of another tree; discards its own.
   void take_free(BrickTree&& other);
   /// True if the complete brick is free and has no voxels.
   [[nodiscard]] bool is_free(const Eigen::Vector3i& brick) const;
   [[nodiscard]] BrickBits free_voxels(const Eigen::Vector3i& brick) const;
   /// Bricks with a free voxel, sorted like bricks().
   [[nodiscard]] std::vector<Eigen::Vector3i> free_bricks() const;
-  /// Visits these bricks and their free voxels in tree order, which is faster.
+  /// Visits the free bricks and their free voxels in tree order, which is faster.
   void visit_free(const std::function<void(const Eigen::Vector3i&, const BrickBits&)>& visit) const;
   /// The brick's voxels, or null. Valid until the next put() of the brick.
   [[nodiscard]] const std::uint64_t* find(const Eigen::Vector3i& brick) const;
@@ -86,7 +86,7 @@ class BrickTree {
   std::unique_ptr<State> state_;
 };
 
-/// Short-lived copy of bricks in one large allocation that returns to the system at once; a tree allocates each brick
+/// Short-lived copy of bricks in a single large allocation, returned to the system at once; a tree allocates each brick
 /// separately.
 struct BrickList {
   std::vector<Eigen::Vector3i> bricks;  // unique
@@ -101,7 +101,7 @@ struct BrickList {
 void write_bricks(const std::filesystem::path& file, const BrickTree& tree);
 void write_bricks(const std::filesystem::path& file, const BrickList& list);
 
-/// A file of write_bricks that can be read in parts. Files from before 2026-11-24 have a single grid, with tiles for
+/// Random access to the bricks of a write_bricks file. Files from before 2026-11-24 have a single grid, with tiles for
 /// completely free bricks.
 class BrickFile {
  public:
@@ -128,7 +128,7 @@ class BrickFile {
   std::uint32_t version_ = 0, compression_ = 0;  // of the OpenVDB format
   std::vector<Place> places_;                    // in file order
   std::vector<Eigen::Vector3i> free_;            // completely free bricks, sorted
-  std::int64_t free_grid_ = 0;                   // bytes from the start of the file; 0: no such grid
+  std::int64_t free_grid_ = 0;                   // bytes from the start of the file; 0: no free grid
 };
 
 /// Metadata of a map.vdb.
@@ -175,13 +175,13 @@ class MapFile {
   explicit MapFile(const std::filesystem::path& file);
   ~MapFile();
   [[nodiscard]] const GridInfo& info() const;
-  /// Bounds of all bricks that visit() reports; empty if there are none.
+  /// Bounds of all bricks reported by visit(); empty for an empty map.
   [[nodiscard]] BrickBox bounds() const;
 
   /// Voxels of a brick in OpenVDB's leaf order.
   struct Voxels {
     std::array<float, 512> distances{}, weights{};  // meters; number of observations; both 0 if unobserved
-    BrickBits free{};                               // free voxels among the unobserved ones
+    BrickBits free{};                               // free voxels without observations
   };
   using Visit = std::function<void(const Eigen::Vector3i& brick, const Voxels& voxels)>;
   /// Visits all bricks, or those in a box, with observations or free voxels, each once. Throws std::runtime_error if

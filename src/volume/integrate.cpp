@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::uint32_t kMissingAtOnce =
     16384;  // bricks listed per pass over a frame; the rest is left to further passes
-constexpr std::uint32_t kVacantAtOnce = 2048;    // slots that the device may assign per pass; most frames need fewer
+constexpr std::uint32_t kVacantAtOnce = 2048;    // slots for the device to assign per pass; most frames need fewer
 constexpr std::uint32_t kFreeAtOnce = 1 << 18;   // free bricks found per pass; the rest is left to later passes
 constexpr std::uint32_t kPartsAtOnce = 1 << 15;  // initial capacity for partly free bricks
 constexpr std::uint32_t kFirstDownload = 1024;   // entries downloaded with the first batch; few frames have more
@@ -32,10 +32,10 @@ std::uint64_t pixel_quads(const Camera& camera) {
 
 }  // namespace
 
-/// Result of one pass over a frame.
+/// Result of a pass over a frame.
 struct Integrator::Pass {
   shader::FusionCounts counts{};
-  std::vector<shader::Placement> missing;  // bricks without a slot; includes those that have now been given one
+  std::vector<shader::Placement> missing;  // bricks without a slot before the pass
   std::vector<shader::Selected> selected;
   std::vector<std::uint32_t> changed;  // by entry of selected
   std::vector<shader::ivec3> free_bricks, part_bricks;
@@ -154,7 +154,7 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
   return pass;
 }
 
-/// Lists the bricks that the frame needs and that have no slot, and assigns vacant slots.
+/// Lists the bricks needed by the frame and without a slot, and assigns vacant slots.
 void Integrator::place_missing(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                                const Volume& volume, std::uint32_t fused_count, std::uint32_t vacant) {
   // Adjacent samples are at most half a brick apart.
@@ -215,7 +215,7 @@ void Integrator::read_rest(std::vector<T>& list, std::uint32_t count, const gpu:
   batch.run();
 }
 
-/// Lists bricks and voxels between the camera and the observed surfaces that were not known to be free.
+/// Lists newly free bricks and voxels between the camera and the observed surfaces.
 void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
                               const Volume& volume) {
   Eigen::AlignedBox3d view(submap_from_camera.translation());

@@ -21,7 +21,7 @@ struct Fused {
 /// surfaces is marked as free, as is a ball around the camera, which the camera itself occupies.
 class Integrator {
  public:
-  /// `camera_radius`: radius of that ball, meters.
+  /// `camera_radius`: radius of the ball around the camera, meters.
   Integrator(gpu::Device& device, const Camera& camera, const SurfaceOptions& options, const SensorModel& sensor = {},
              float camera_radius = 0);
   static constexpr std::uint32_t kLookEvery = 8;  // frames; adjacent frames carve nearly the same voxels

@@ -43,8 +43,7 @@ std::unordered_map<std::array<int, 3>, std::size_t, BrickHash> index_of(Bricks b
   return index;
 }
 
-/// Number of the 64 voxels on one side of a brick that are behind the surface. `side`: 2 * axis, plus 1 for the upper
-/// side.
+/// Number of voxels behind the surface among the 64 on a side of a brick. `side`: 2 * axis, plus 1 for the upper side.
 int behind_at(const BrickBits& behind, int side) {
   const bool is_upper = side % 2 == 1;
   if (side / 2 == 0) return std::popcount(behind[is_upper ? 7 : 0]);
@@ -60,7 +59,7 @@ BrickBits with_unknown(const BrickBits& known, const BrickBits& behind) {
   BrickBits in = known, back = behind;
   while (true) {
     const BrickBits grown = with_neighbours(in);
-    if (grown == in) return back;  // complete, or nothing is known
+    if (grown == in) return back;  // complete, or no voxel is known
     BrickBits front;
     for (std::size_t x = 0; x < in.size(); ++x) front[x] = in[x] & ~back[x];
     const BrickBits in_front = with_neighbours(front);

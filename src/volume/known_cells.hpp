@@ -12,24 +12,24 @@
 
 namespace cairn {
 
-/// Voxels of a brick behind the surface, including unknown voxels, which get the sign of the nearest known voxel;
-/// positive if several are equally near. `behind`: the known voxels behind the surface.
+/// Voxels of a brick behind the surface. Unknown voxels get the sign of the nearest known voxel; positive if several
+/// are equally near. `behind`: the known voxels behind the surface.
 [[nodiscard]] BrickBits with_unknown(const BrickBits& known, const BrickBits& behind);
 
-/// Missing neighbors of the first `own` bricks that are mostly surrounded by voxels behind the surface: marking them as
-/// behind, too, avoids a step at their sides. `bricks`: as returned by with_unknown; the own bricks are followed by all
-/// bricks within two_steps of them.
+/// Missing neighbors of the first `own` bricks that are mostly surrounded by voxels behind the surface: marking these
+/// neighbors as behind, too, avoids a step at their sides. `bricks`: as returned by with_unknown; the own bricks are
+/// followed by all bricks within two_steps.
 [[nodiscard]] std::vector<Eigen::Vector3i> behind_beside(std::span<const std::pair<Eigen::Vector3i, BrickBits>> bricks,
                                                          std::size_t own);
-/// Offsets to those bricks.
+/// Offsets of the bricks for behind_beside.
 [[nodiscard]] std::vector<Eigen::Vector3i> two_steps();
 
-/// For each of the first `own` bricks, the voxels that are the lowest corner of a cube of eight known voxels; any other
-/// zero crossing of the distances was not observed. In the order of `known`, in which the own bricks are followed by
-/// all bricks at their upper_corners.
+/// For each of the first `own` bricks, the voxels at the lowest corner of a cube of eight known voxels; any other zero
+/// crossing of the distances was not observed. In the order of `known`, with the own bricks first, then all bricks at
+/// their upper_corners.
 [[nodiscard]] std::vector<BrickBits> whole_cells(std::span<const std::pair<Eigen::Vector3i, BrickBits>> known,
                                                  std::size_t own);
-/// Offsets to those bricks.
+/// Offsets of the bricks for whole_cells.
 [[nodiscard]] std::vector<Eigen::Vector3i> upper_corners();
 
 }  // namespace cairn

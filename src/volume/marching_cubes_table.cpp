@@ -12,7 +12,7 @@ namespace {
 constexpr int kFaces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
 
 std::uint32_t edge_between(int a, int b) {
-  const int difference = a ^ b;  // one bit: the axis
+  const int difference = a ^ b;  // a single bit: the axis
   const int axis = difference == 1 ? 0 : difference == 2 ? 1 : 2;
   return static_cast<std::uint32_t>((a & b) | axis << 3);
 }
@@ -23,8 +23,8 @@ std::array<std::uint32_t, 256 * 16> marching_cubes_table() {
   std::array<std::uint32_t, 256 * 16> table{};
   for (int inside = 1; inside < 255; ++inside) {
     const auto is_inside = [&](int corner) { return (inside >> corner & 1) != 0; };
-    // Each face joins the edge where its outline enters the solid with the one where it next leaves. What one face
-    // leaves by, its neighbour enters by: the pieces close into loops.
+    // On each face, connects the edge at which its outline enters the solid to the edge at which the outline next
+    // leaves. The exit edge of a face is the entry edge of its neighbor, so the segments close to loops.
     constexpr std::uint32_t kNone = 99;
     std::array<std::uint32_t, 24> next;
     next.fill(kNone);

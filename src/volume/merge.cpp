@@ -17,8 +17,8 @@ namespace {
 
 constexpr std::size_t kSlots = 8192;    // source bricks on the device at once: 32 MiB
 constexpr std::size_t kTargets = 4096;  // output bricks per dispatch
-constexpr std::size_t kAround = 27;     // source bricks that a rotated brick may overlap
-constexpr std::size_t kLoaded = 1024;   // output bricks for which the sources are loaded together
+constexpr std::size_t kAround = 27;     // source bricks overlapped by a rotated brick, at most
+constexpr std::size_t kLoaded = 1024;   // output bricks per load of their sources
 constexpr std::size_t kShares = 64;     // maximum number of submaps per output brick; the weights saturate long before
 
 /// Free space: far from any surface, with a weight too small to bound a mesh.
@@ -71,7 +71,7 @@ std::map<std::size_t, BrickBox> boxes_of(std::span<const MergeJob> jobs, float v
 Merger::Merger(gpu::Device& device, const FuseOptions& options)
     : device_(device), options_(options), merge_(device, "submap_merge", submap_merge_comp) {}
 
-/// Collects the voxels of as many jobs, starting at `begin`, as one dispatch takes.
+/// Collects the voxels of as many jobs, starting at `begin`, as fit into a dispatch.
 void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const LoadSubmap& submap, Gathered& to) const {
   to.targets.clear();
   to.sources.clear();
@@ -127,7 +127,7 @@ void Merger::merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, Bri
   Gathered now, next;
   gather(jobs, 0, submap, now);
   while (true) {
-    // Collects the next batch while the device processes the current one.
+    // Collects the next batch while the device processes the current batch.
     std::future<void> gathering;
     if (now.end < jobs.size())
       gathering = std::async(std::launch::async, [&, begin = now.end] { gather(jobs, begin, submap, next); });

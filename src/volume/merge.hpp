@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Contribution of one submap to an output brick.
+/// Contribution of a submap to an output brick.
 struct MergeShare {
   std::size_t submap = 0;                                               // index of the submap
   Eigen::Isometry3d submap_from_world = Eigen::Isometry3d::Identity();  // meters; valid at this brick
@@ -20,19 +20,19 @@ struct MergeJob {
   std::vector<MergeShare> shares;
 };
 
-/// Loads the voxels of a submap, at least those in the box.
+/// Loads the voxels of a submap, at least within the box.
 using LoadSubmap = std::function<std::shared_ptr<const BrickTree>(std::size_t submap, const BrickBox& box)>;
 
 /// Fuses submaps into world bricks on the device: weighted means of resampled voxels.
 class Merger {
  public:
   Merger(gpu::Device& device, const FuseOptions& options);
-  /// Writes the jobs' bricks to `world`; erases bricks without an observed voxel. `submap` is called from one thread at
-  /// a time. Spatially adjacent jobs should be consecutive.
+  /// Writes the jobs' bricks to `world`; erases bricks without an observed voxel. `submap` is called from a single
+  /// thread at a time. Spatially adjacent jobs should be consecutive.
   void merge(std::span<const MergeJob> jobs, const LoadSubmap& submap, BrickTree& world);
 
  private:
-  /// Jobs of one dispatch.
+  /// Jobs of a dispatch.
   struct Gathered {
     std::size_t begin = 0, end = 0;
     std::vector<shader::MergeTarget> targets;

@@ -19,7 +19,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kCell = 8;  // bricks per side of the regions that are paged in one at a time; a region with its neighbors
+constexpr int kCell = 8;  // bricks per side of the regions that are paged in successively; a region with its neighbors
                           // fits into the smallest pool
 constexpr std::size_t kMaxBricks = 16384;  // per dispatch
 
@@ -29,7 +29,7 @@ Brick corner(std::uint32_t c) {
   return {static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2)};
 }
 
-/// Bricks that a region needs on the device: its own and all their neighbors.
+/// Bricks needed on the device for a region: its own and all their neighbors.
 std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
   std::vector<Brick> all;
   for (const Brick& b : bricks)
@@ -44,7 +44,7 @@ std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
 bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot_of(brick) != Volume::kNoSlot; }
 
 struct Plan {
-  std::vector<Brick> bricks;              // bricks with triangles first, then bricks that own some of their edges
+  std::vector<Brick> bricks;              // bricks with triangles first, then the owners of their remaining edges
   std::size_t makers = 0;                 // number of bricks with triangles
   std::vector<std::uint32_t> neighbours;  // 8 per brick: indices in `bricks` of the bricks at its corners; 0 if missing
 };

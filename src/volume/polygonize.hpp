@@ -21,7 +21,7 @@ class Polygonizer {
   [[nodiscard]] Mesh polygonize(Volume& volume);
   /// Surface in the cells of some bricks, sorted like Volume::bricks.
   [[nodiscard]] Mesh polygonize(Volume& volume, std::span<const Brick> bricks);
-  /// Surface in the cells of some bricks. Bricks that are not on the device count as missing and are not paged in.
+  /// Surface in the cells of some bricks. Bricks on the host count as missing and are not paged in.
   [[nodiscard]] Mesh on_device(Volume& volume, std::span<const Brick> bricks);
 
  private:

@@ -14,7 +14,7 @@ namespace cairn {
 namespace {
 
 constexpr std::uint64_t kBrickBytes = sizeof(BrickVoxels);
-constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB; the minimum for one view of a room
+constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB; the minimum for a view of a room
 constexpr std::uint64_t kMostBricks = std::uint64_t{1} << 23;    // 32 GiB
 constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks per side: 64 MiB of page table
 constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging memory
@@ -37,7 +37,7 @@ std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options
     throw std::runtime_error("FuseOptions::device_memory of " + std::to_string(budget >> 20) +
                              " MiB is too little: at least " + std::to_string((needed >> 20) + 1) +
                              " MiB are needed at this voxel size");
-  // The voxels are one buffer, and voxel indices have 32 bits.
+  // The voxels are a single buffer, and voxel indices have 32 bits.
   return static_cast<std::uint32_t>(std::min({(budget - table_bytes) / per_brick, device.max_allocation() / kBrickBytes,
                                               device.max_binding() / sizeof(shader::SlotState), kMostBricks}));
 }
@@ -195,7 +195,7 @@ void Volume::read(std::span<const std::uint32_t> slots, std::span<BrickVoxels> v
   for (std::size_t begin = 0; begin < slots.size(); begin += kBricksPerCopy) {
     const std::size_t all = std::min(begin + kBricksPerCopy, slots.size());
     gpu::Batch batch(device_);
-    for (std::size_t i = begin; i < all;) {  // one copy per run of consecutive slots
+    for (std::size_t i = begin; i < all;) {  // a copy per run of consecutive slots
       std::size_t end = i + 1;
       while (end < all && slots[end] == slots[end - 1] + 1) ++end;
       batch.download(voxels_, voxels.subspan(i, end - i), slots[i] * kBrickBytes);
@@ -232,7 +232,7 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
   counts_.paged_out += slots.size();
 }
 
-/// Removes the bricks of these slots from the page table and frees the slots.
+/// Frees these slots and removes their bricks from the page table.
 void Volume::vacate(std::span<const std::uint32_t> slots) {
   const std::unordered_set<std::uint32_t> gone(slots.begin(), slots.end());
   std::vector<shader::Placement> placements;
@@ -291,8 +291,7 @@ void Volume::make_resident(std::span<const Brick> bricks, std::uint32_t now) {
   try {
     make_room(missing.size(), bricks, now);
   } catch (const std::runtime_error&) {
-    gpu::Batch batch(device_);  // resets their entries, which would otherwise stay marked as waiting and never be
-                                // requested again
+    gpu::Batch batch(device_);  // resets the table entries; pending bricks would never be requested again
     for (const Brick& brick : missing)
       batch.fill(page_table_, entry_without_slot(brick), 4 * std::uint64_t{table_index(brick)}, 4);
     batch.submit();

@@ -56,17 +56,14 @@ class Volume {
   /// True if the device can read all voxels as texels; see VoxelKernel.
   [[nodiscard]] bool is_read_as_texels() const { return voxels_.size() / 8 <= device_.max_texels(); }
   [[nodiscard]] const gpu::Buffer& page_table() const { return page_table_; }
-  [[nodiscard]] const gpu::Buffer& free_marks() const {
-    return free_marks_;
-  }                                                                      // one bit per table entry: the complete
-                                                                         // brick is free
-  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }      // SlotState by slot
-  [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }  // all slots in use are below it
-  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }     // maximum number of bricks on the device
+  [[nodiscard]] const gpu::Buffer& free_marks() const { return free_marks_; }  // a bit per entry: completely free
+  [[nodiscard]] const gpu::Buffer& slots() const { return slots_; }            // SlotState by slot
+  [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }        // upper bound of the slots in use
+  [[nodiscard]] std::uint32_t capacity() const { return capacity_; }           // maximum number of bricks on the device
 
   /// Moves the window to be centered at `centre` (meters, submap frame); bricks outside are evicted to the host.
   void move_window(const Eigen::Vector3d& centre);
-  /// Centers the window on bricks that are not all inside it.
+  /// Centers the window on bricks, unless all of them are inside.
   void move_window_to(std::span<const Brick> bricks);
   /// Makes bricks resident on the device: with the host's voxels if it has them, else empty. Bricks outside the window
   /// are ignored. If the pool is full, evicts the least recently seen bricks, except `bricks` and those seen at `now`.
@@ -76,7 +73,7 @@ class Volume {
   /// assignments and returns the bricks left without a slot.
   [[nodiscard]] std::vector<std::uint32_t> vacant_slots(std::uint32_t most) const;
   [[nodiscard]] std::vector<Brick> note_placed(std::span<const shader::Placement> placements);
-  /// Like make_resident(), but ignores bricks that do not exist; all other bricks may be evicted.
+  /// Like make_resident(), but ignores missing bricks; all other bricks may be evicted.
   void page_in(std::span<const Brick> bricks);
   /// Moves the window to a possible camera position and pages in the nearest bricks from the host.
   void bring(const Eigen::Vector3d& centre);
@@ -91,15 +88,15 @@ class Volume {
   /// All bricks, on the device or the host, sorted by x, then y, then z.
   [[nodiscard]] std::vector<Brick> bricks() const;
   [[nodiscard]] std::size_t size() const;  // approximate number of bricks; may count bricks on the host twice
-  /// The host's tree with every brick: bricks on the device are copied into it and stay resident.
+  /// Copies all bricks on the device into the host's tree, and returns the tree. The bricks stay resident.
   [[nodiscard]] const BrickTree& on_host();
-  /// The host's tree as it is: voxels of bricks on the device are missing or outdated.
+  /// Current tree of the host: voxels of bricks on the device are missing or outdated.
   [[nodiscard]] const BrickTree& host() const { return host_; }
   /// Copies of all bricks, on the device or the host.
   [[nodiscard]] BrickList list();
 
-  /// Ends a submap: returns copies of the bricks seen at `since` or later. Of these, bricks within `radius` (meters) of
-  /// `centre` are kept for the next submap; all others are dropped.
+  /// Ends a submap: returns copies of the bricks seen at `since` or later. Of the returned bricks, those within
+  /// `radius` (meters) of `centre` are kept for the next submap; all others are dropped.
   [[nodiscard]] BrickList split(std::uint32_t since, const Eigen::Vector3d& centre, float radius);
 
   /// Distribution of bricks between device and host; with on_host(), the complete state of the volume.

@@ -13,8 +13,8 @@
 
 namespace cairn {
 
-/// A kernel that reads voxels, see shaders/pool.h; its last binding is the pool. Created on first use, per way of
-/// reading: texels or address.
+/// A kernel with access to voxels, see shaders/pool.h; its last binding is the pool. Created on first use, separately
+/// for texels and addresses.
 template <class Push>
 class VoxelKernel {
  public:
