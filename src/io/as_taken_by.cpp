@@ -13,13 +13,14 @@
 namespace cairn {
 namespace {
 
-constexpr double kSamePlace = 1e-9;  // metres, and of rotation matrices
+constexpr double kSamePlace = 1e-9;  // meters, and tolerance of rotation matrix entries
 
 bool is_same_place(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return (a.matrix() - b.matrix()).cwiseAbs().maxCoeff() <= kSamePlace;
 }
 
-/// The same rig, with what it tells as the own one does to the last bit: a file of it may round.
+/// Returns the rig with its extrinsics replaced by the source's own where both agree within kSamePlace, because a rig
+/// file may round.
 Rig rounded_as(Rig rig, const Rig& own) {
   if (rig.colour && own.colour && is_same_place(rig.colour->colour_from_depth, own.colour->colour_from_depth))
     rig.colour->colour_from_depth = own.colour->colour_from_depth;
@@ -40,7 +41,7 @@ class AsTakenBy final : public WrappedSource {
   std::optional<Frame> next() override {
     auto frame = source_->next();
     if (!frame) return frame;
-    if (!std::exchange(has_places_, true)) {  // whoever only asks for the rig waits for none
+    if (!std::exchange(has_places_, true)) {  // built at the first frame, so that reading the rig alone stays fast
       depth_ = Resampler(rig_.depth, own().depth);
       colour_ = Resampler(rig_.colour_view(), own().colour_view());
     }
@@ -67,7 +68,7 @@ class AsTakenBy final : public WrappedSource {
           (frame.confidence.size() == frame.depth.size() && frame.confidence[i] < model.least_confidence))
         frame.depth[i] = 0;
   }
-  /// The other rig tells how an inertial sensor is turned.
+  /// Rotates angular rates from the source's IMU frame into the target rig's. Without both rotations they are dropped.
   void turn(std::vector<AngularRate>& gyro) const {
     const auto &from = own().camera_from_imu, &to = rig_.camera_from_imu;
     if (from && to)

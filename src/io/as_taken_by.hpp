@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings of several cameras in one map, which knows one.
+// Recordings of several cameras fused into a map with a single camera.
 #pragma once
 #include <memory>
 
@@ -8,10 +8,10 @@
 
 namespace cairn {
 
-/// The frames as the cameras of another rig would have taken them in their place: each of its pixels shows what the
-/// images show on its ray, and has no depth beyond them. Depth is corrected as its own rig says, and what its own model
-/// drops is dropped; how much the rest counts is then told by the other one's. Throws std::runtime_error with why where
-/// images alone do not tell it: for other shutters, and colour cameras in other places.
+/// Resamples the frames into the cameras of another rig at the same pose: each target pixel shows the source image
+/// along its ray, and has no depth outside the source image. Depth is first corrected and range-filtered by the
+/// source's own model; the target rig's sensor model then weights it. Throws std::runtime_error with the reason if
+/// images alone are not enough: different shutter readouts, or color cameras at different positions.
 [[nodiscard]] std::unique_ptr<Source> as_taken_by(std::unique_ptr<Source> source, const Rig& rig);
 
 }  // namespace cairn

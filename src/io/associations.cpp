@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Folders with a list of pairs, as TUM's associate.py writes it for ORB-SLAM and others; among them ICL-NUIM (Handa et
-// al. 2014), whose times are the images' numbers. Its camera has fy = -480; turning poses by F T F with F = diag(1, -1,
-// 1) makes it an ordinary camera.
+// Folders with a list of image pairs, written by TUM's associate.py for ORB-SLAM and similar programs. Includes
+// ICL-NUIM (Handa et al. 2014), where image numbers serve as times. The ICL-NUIM camera has fy = -480; transforming
+// poses to F T F with F = diag(1, -1, 1) makes it an ordinary camera.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kIclRate = 1;  // Hz: numbers are taken as times
+constexpr double kIclRate = 1;  // Hz: image numbers are used as times
 
 std::optional<fs::path> list_in(const fs::path& folder) {
   for (const char* name : {"associations.txt", "associate.txt", "association.txt", "associated.txt", "assoc.txt"})
@@ -31,7 +31,7 @@ bool is_depth(const Stamped& stamped, const fs::path& folder) {
   return lower(stamped.image.lexically_relative(folder).string()).find("depth") != std::string::npos;
 }
 
-/// Evidence of ICL-NUIM: each image has its number as its name and as its time, and 640x480 pixels.
+/// ICL-NUIM evidence: each image's file name is its number and its time, and images have 640x480 pixels.
 bool is_icl_nuim(const std::vector<Stamped>& depth, const std::vector<Stamped>& color, const Camera& camera) {
   for (const auto* list : {&depth, &color})
     for (const Stamped& stamped : *list) {
@@ -51,10 +51,10 @@ void turn_truth(Trajectory& truth) {
   }
 }
 
-/// What is not there is left out: a shortened copy of a set may keep the whole list.
+/// Drops listed pairs without a depth file: a shortened copy of a data set may keep the full list.
 void take_pairs(const fs::path& list, std::vector<Stamped>& depth, std::vector<Stamped>& color) {
   std::vector<Stamped> kept_depth, kept_color;
-  std::error_code ignored;  // a name that no file can have
+  std::error_code ignored;  // name not valid for any file
   for (std::size_t i = 0; i < depth.size(); ++i)
     if (fs::exists(depth[i].image, ignored)) {
       kept_depth.push_back(std::move(depth[i]));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings of the Azure Kinect: Matroska with tracks of colour, depth and inertial samples, and the factory's
-// calibration as an attachment.
+// Azure Kinect recordings: Matroska with tracks of color, depth and inertial samples, and the factory calibration as an
+// attachment.
 #include "io/azure_kinect.hpp"
 
 #include <fmt/format.h>
@@ -26,13 +26,13 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-constexpr std::size_t kMostSamples = 100000;  // of an inertial sensor that wait for a frame
+constexpr std::size_t kMostSamples = 100000;  // inertial samples queued for a frame
 constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, as for TUM recordings
-constexpr double kUsualInterval = 1.0 / 30;   // seconds between depth images, where the file does not tell
-constexpr std::size_t kMostWaiting = 32;      // images: more have the same time, or none
-constexpr float kMetres = 1e-3f;              // of a unit of depth
+constexpr double kUsualInterval = 1.0 / 30;   // seconds between depth images, if missing from the file
+constexpr std::size_t kMostWaiting = 32;      // queued images; more have equal times, or none
+constexpr float kMetres = 1e-3f;              // per depth unit
 
-/// How the depth camera's images are cut from its sensor's, at the calibration's resolution or half of it.
+/// Crop of the depth sensor's image for each mode, at the calibration's resolution or half of it.
 struct DepthMode {
   int width, height, sensor, left, top;  // pixels
 };
@@ -52,13 +52,13 @@ Eigen::Isometry3d pose_of(const Json& rt) {
   return pose;
 }
 
-/// Intrinsics are fractions of a sensor's image of `sensor` pixels, measured from its corner; of it `left` and `top`
-/// pixels are cut away.
+/// Camera from normalized intrinsics: fractions of a sensor image of `sensor` pixels, measured from its corner, with
+/// `left` and `top` pixels cropped.
 Camera camera_of(const Json& intrinsics, Eigen::Vector2d sensor, Eigen::Vector2d left_top, int width, int height) {
   const std::string model = intrinsics.at("ModelType").get<std::string>();
   if (model != "CALIBRATION_LensDistortionModelBrownConrady")
     throw std::runtime_error("the lens has the model '" + shown(model) + "', known is Brown and Conrady's only");
-  std::array<double, 14> p{};  // cx cy fx fy, k1 to k6, centre of distortion, p2 p1
+  std::array<double, 14> p{};  // cx cy fx fy, k1 to k6, center of distortion, p2 p1
   for (std::size_t i = 0; i < p.size(); ++i) p[i] = intrinsics.at("ModelParameters").at(i).get<double>();
   if (std::abs(p[10]) > 1e-6 || std::abs(p[11]) > 1e-6)
     throw std::runtime_error("the lens has a centre of distortion beside its axis, which is not supported");
@@ -73,7 +73,7 @@ Camera camera_of(const Json& intrinsics, Eigen::Vector2d sensor, Eigen::Vector2d
   return camera;
 }
 
-/// The entry of a list whose `key` is `value`.
+/// Returns the list entry with `key` equal to `value`.
 const Json& entry_of(const Json& list, const char* key, const char* value) {
   for (const Json& entry : list)
     if (entry.at(key) == value) return entry;
@@ -88,7 +88,7 @@ Camera depth_camera_of(const Json& calibrated, int width, int height) {
   throw std::runtime_error(fmt::format("depth is {}x{}, which no mode of the sensor gives", width, height));
 }
 
-/// Modes of another shape than the calibrated image have its width and the middle of its height.
+/// Color modes with another aspect ratio than the calibrated image use its full width and the middle of its height.
 Camera colour_camera_of(const Json& calibrated, int width, int height) {
   const double w = calibrated.at("SensorWidth").get<double>(), h = calibrated.at("SensorHeight").get<double>();
   const Eigen::Vector2d image(width, width * h / w);
@@ -110,7 +110,7 @@ Calibration calibration_of(const std::string& text, const VideoFile::Track& dept
     const Json& depth_entry = entry_of(all.at("Cameras"), "Location", "CALIBRATION_CameraLocationD0");
     read.rig = depth_camera_of(depth_entry, depth.width, depth.height);
     read.rig.sensor = sensor_model("time_of_flight");
-    // Each Rt takes a point from the frame of the rig, which is the depth camera's, to the sensor's own.
+    // Each Rt maps points from the rig frame, equal to the depth camera's, to the sensor's own frame.
     const Eigen::Isometry3d rig_from_depth = pose_of(depth_entry.at("Rt")).inverse();
     if (colour != nullptr) {
       const Json& entry = entry_of(all.at("Cameras"), "Location", "CALIBRATION_CameraLocationPV0");
@@ -132,13 +132,13 @@ Calibration calibration_of(const std::string& text, const VideoFile::Track& dept
   return read;
 }
 
-/// Bytes that the file has by its own words; nothing where it was never finished.
+/// Returns the file size in bytes according to its header; empty if the recording was never finished.
 std::optional<std::uint64_t> promised_size(const fs::path& file) {
   std::array<std::uint8_t, 4096> begin{};
   std::ifstream(file, std::ios::binary).read(reinterpret_cast<char*>(begin.data()), begin.size());
   std::size_t at = 0;
-  // Two elements of EBML, a header and the segment that holds all else: a name of four bytes, then a number whose first
-  // byte tells by its leading zeros how many follow.
+  // Two EBML elements, a header and the segment with all other data: an ID of four bytes, then a size. Leading zeros of
+  // the size's first byte give the number of bytes that follow.
   for (const bool segment : {false, true}) {
     at += 4;
     if (at + 8 > begin.size() || begin[at] == 0) return std::nullopt;
@@ -158,7 +158,7 @@ std::optional<std::uint64_t> promised_size(const fs::path& file) {
   return std::nullopt;
 }
 
-/// The track with this title, which older recorders give, or with this tag.
+/// Returns the index of the track with this title (written by older recorders) or this tag; -1 if missing.
 int track_with(const VideoFile& file, const char* title, const char* tag) {
   for (std::size_t i = 0; i < file.tracks().size(); ++i) {
     const VideoTags& tags = file.tracks()[i].tags;
@@ -287,7 +287,7 @@ class AzureKinectSource final : public Source {
     }
   }
 
-  /// A sample is little-endian: time of the accelerometer (64 bits), x, y, z (floats, m/s^2); then the same of the
+  /// Inertial sample, little-endian: accelerometer time (64 bits), x, y, z (floats, m/s^2); then the same for the
   /// gyroscope.
   void take_inertial(const VideoPacket& packet) {
     if (packet.bytes().size() != 40) return;
@@ -319,7 +319,7 @@ class AzureKinectSource final : public Source {
     return depth;
   }
 
-  /// The colour image that was taken for this frame, if there is one.
+  /// Attaches the color image closest in time, within half a frame interval.
   void attach_colour(Frame& frame) {
     const auto off = [&](const VideoPacket& p) { return p.time() + depth_delay_ - frame.timestamp; };
     while (!colour_.empty() && off(colour_.front()) < -half_a_frame_) colour_.pop_front();
@@ -335,7 +335,7 @@ class AzureKinectSource final : public Source {
       frame.colour = image->colour();
       frame.colour_delay = nearest->time() - frame.timestamp;
     } catch (const std::runtime_error&) {
-      // Depth alone is still a frame.
+      // Frames without color are still valid.
     }
   }
 
@@ -365,8 +365,8 @@ class AzureKinectSource final : public Source {
   int depth_track_ = -1, colour_track_ = -1, inertial_track_ = -1;
   std::optional<VideoDecoder> depth_decoder_, colour_decoder_;
   double half_a_frame_ = kUsualInterval / 2;
-  double depth_delay_ = 0;  // seconds from colour to depth that the sensor was told to keep
-  double ahead_ = 0;        // seconds of the file after a depth image that are read before it is delivered
+  double depth_delay_ = 0;  // seconds from color to depth, as configured on the sensor
+  double ahead_ = 0;        // seconds read ahead in the file after a depth image before delivery
   double newest_ = -INFINITY, last_timestamp_ = -INFINITY;
   bool at_end_ = false;
   int index_ = 0;

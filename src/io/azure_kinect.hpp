@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// A Matroska file of the Azure Kinect's recorder (k4arecorder). Throws std::runtime_error with what is missing and
-/// what to do.
+/// Opens a Matroska file of the Azure Kinect recorder (k4arecorder). Throws std::runtime_error with the missing data
+/// and a remedy.
 [[nodiscard]] std::unique_ptr<Source> open_azure_kinect(const std::filesystem::path& file);
 
 }  // namespace cairn

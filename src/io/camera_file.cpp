@@ -22,14 +22,14 @@
 namespace cairn {
 namespace {
 
-constexpr double kLeastUnits = 1, kMostUnits = 1e6;   // of depth images, per metre
+constexpr double kLeastUnits = 1, kMostUnits = 1e6;   // depth image units per meter
 constexpr double kLeastRate = 1e-3, kMostRate = 1e5;  // Hz
 constexpr const char* kLenses = "brown_conrady or fisheye";
 constexpr const char* kWeights = "by_distance or by_noise";
-constexpr double kUnit = 1e-14;   // that a squared norm may be beside 1 by rounding: what is written is read as it was
-constexpr double kFarthest = 10;  // metres between the two cameras
+constexpr double kUnit = 1e-14;   // rounding error of a squared norm around 1; keeps written quaternions bit-exact
+constexpr double kFarthest = 10;  // meters between the two cameras
 
-/// The node's value, or an error that names the key and the line.
+/// Returns the node's value. Throws YAML::Exception with the key and the line.
 template <class T>
 T value_of(const YAML::Node& node, const std::string& key, const char* expected) {
   try {
@@ -151,7 +151,7 @@ std::string sensor_text(const SensorModel& m) {
 }  // namespace
 
 void check_depth_scale(double units) {
-  if (!(units >= kLeastUnits && units <= kMostUnits))  // NaN, too
+  if (!(units >= kLeastUnits && units <= kMostUnits))  // also rejects NaN
     throw std::runtime_error(
         fmt::format("depth_scale is {}, allowed is {} to {} units per metre", units, kLeastUnits, kMostUnits));
 }

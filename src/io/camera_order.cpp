@@ -13,12 +13,12 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kMillimeters = 1000;  // units per meter, of Open3D's recorders
+constexpr double kMillimeters = 1000;  // units per meter of Open3D's recorders
 
 struct Told {
   Intrinsics what;
   std::string by;         // file or name
-  bool is_known = false;  // a name, whose depth_scale is not the user's word
+  bool is_known = false;  // a known camera's name; its depth_scale is not user input
 };
 
 std::optional<Told> told_by_option(const fs::path& option) {
@@ -28,7 +28,7 @@ std::optional<Told> told_by_option(const fs::path& option) {
   return Told{.what = {.camera = camera_named(option)}, .by = option.string(), .is_known = true};
 }
 
-/// `is_needed`: what is wrong with the file is thrown.
+/// `is_needed`: rethrows errors in the file.
 std::optional<Told> told_beside(const fs::path& folder, const fs::path& own, bool is_needed) {
   const auto file = intrinsics_file(folder);
   std::error_code ignored;
@@ -41,7 +41,8 @@ std::optional<Told> told_beside(const fs::path& folder, const fs::path& own, boo
   }
 }
 
-/// What the file leaves open stays the recording's: the sensor, the IMU, and a color camera seen from its place.
+/// Applies the given rig. Fields missing from the file keep the recording's values: the sensor, the IMU, and a color
+/// camera at its position.
 void take_rig(const Told& told, Recording& recording) {
   const Rig before = recording.rig;
   const CameraFile& file = told.what.camera;
@@ -49,7 +50,7 @@ void take_rig(const Told& told, Recording& recording) {
   if (rig.sensor == SensorModel{}) rig.sensor = before.sensor;
   if (rig.depth_correction.empty()) rig.depth_correction = before.depth_correction;
   if (!rig.camera_from_imu) rig.camera_from_imu = before.camera_from_imu;
-  // Of the files that people have, camera.yaml alone can tell a shutter.
+  // Among the supported file formats, only camera.yaml has a shutter readout.
   Camera seen = rig.depth;
   seen.width = before.depth.width, seen.height = before.depth.height, seen.readout = before.depth.readout;
   if (seen == before.depth && fs::path(told.by).stem() != "camera") rig.depth.readout = before.depth.readout;
@@ -83,7 +84,7 @@ std::optional<double> depth_scale_of(const Told& told) {
   return told.what.is_open3d ? std::optional(kMillimeters) : std::nullopt;
 }
 
-/// The first that some told things have, in their order.
+/// Returns the first available value, in the order option, file in the folder.
 template <class Get>
 std::optional<double> first_of(const std::optional<Told>& option, const std::optional<Told>& beside, const Get& get) {
   for (const auto* told : {&option, &beside})
@@ -122,7 +123,7 @@ bool is_told_another(const fs::path& folder, const Camera& known) {
   try {
     told = read_intrinsics(*file).camera.rig.depth;
   } catch (const std::runtime_error&) {
-    return true;  // settle_camera() throws it, unless an option goes before
+    return true;  // settle_camera() throws the error, unless an option has precedence
   }
   told.width = known.width, told.height = known.height, told.readout = known.readout;
   return told != known;

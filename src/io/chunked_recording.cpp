@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Merge of chunks by the times of their messages, in bounded memory and in time that grows as the file.
+// Merge of chunks by message times, in bounded memory and in time linear in the file size.
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
@@ -13,8 +13,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::uint64_t kMostOpen = 256 << 20;  // bytes of chunks that overlap, beside the newest
-constexpr int kMostOpened = 4;                  // times that a chunk is unpacked
+constexpr std::uint64_t kMostOpen = 256 << 20;  // bytes of overlapping chunks, besides the newest
+constexpr int kMostOpened = 4;                  // times a chunk is unpacked
 
 }  // namespace
 
@@ -38,7 +38,7 @@ bool ChunkedRecording::are_in_order(const std::vector<Chunk>& chunks) {
   double latest = 0;
   bool in_order = true;
   for (const Chunk& chunk : chunks) {
-    if (chunk.end == 0) continue;  // without a message, or not known
+    if (chunk.end == 0) continue;  // without messages, or times unknown
     in_order &= chunk.begin >= latest;
     latest = std::max(latest, chunk.end);
   }
@@ -48,12 +48,12 @@ bool ChunkedRecording::are_in_order(const std::vector<Chunk>& chunks) {
 void ChunkedRecording::play_by(std::vector<Chunk> index) {
   std::sort(index.begin(), index.end(), [](const Chunk& a, const Chunk& b) { return a.at < b.at; });
   if (are_in_order(index)) return;
-  // An index that names a chunk twice, a piece of one, or not all of them, gives other messages than the file's.
+  // An index that lists a chunk twice, a partial chunk, or only some chunks would change the messages.
   std::vector<Chunk> all;
   try {
     all = walk();
   } catch (const std::runtime_error&) {
-    // A damaged head: all stays empty.
+    // Damaged record header: `all` stays empty.
   }
   const bool is_whole = std::equal(index.begin(), index.end(), all.begin(), all.end(),
                                    [](const Chunk& a, const Chunk& b) { return a.at == b.at; });
@@ -95,7 +95,7 @@ void ChunkedRecording::hold(std::vector<std::uint8_t> bytes) {
   open_.emplace(when, std::move(open));
 }
 
-/// Goes on behind the message that was given last, whose bytes nobody needs any more.
+/// Advances past the last delivered message, since its bytes are no longer used.
 void ChunkedRecording::leave_message() {
   if (given_.empty()) return;
   auto node = std::exchange(given_, {});
@@ -112,7 +112,7 @@ void ChunkedRecording::leave_message() {
   throw std::runtime_error(*open.damage);
 }
 
-/// Whether no chunk that is to come has an earlier message than those that are open.
+/// True if no pending chunk has an earlier message than the open chunks.
 bool ChunkedRecording::is_due() const {
   if (open_.empty()) return false;
   return is_beyond_bound_ || to_come_.empty() || open_.begin()->first < to_come_.begin()->first;
@@ -144,7 +144,7 @@ bool ChunkedRecording::read_on(std::optional<RosMessage>& message) {
   return true;
 }
 
-/// Closes chunks whose next messages come last: they are unpacked again.
+/// Closes the chunks with the latest next messages; they are unpacked again later.
 void ChunkedRecording::keep_in_bound() {
   while (!is_beyond_bound_ && memory_ > kMostOpen && open_.size() > 1) {
     const auto last = std::prev(open_.end());

@@ -8,11 +8,11 @@
 namespace cairn {
 namespace {
 
-constexpr double kLeastFactor = 1.2;  // below it, borders without changes are few and may be by chance
-constexpr int kLeastBorders = 16;     // with changes, in each direction: a flat wall shows none
-constexpr double kOpen = 0.9;         // of the borders of a grid between the first and the last change show changes
-constexpr int kMisplaced = 64;        // borders of which one may be elsewhere: OpenCV rounds the first ties down
-constexpr double kMostApart = 1.1;    // of the factors along columns and rows
+constexpr double kLeastFactor = 1.2;  // below, borders without changes are few and may occur by chance
+constexpr int kLeastBorders = 16;     // borders with changes, in each direction: a flat wall shows none
+constexpr double kOpen = 0.9;   // share of grid borders between the first and the last change that must show changes
+constexpr int kMisplaced = 64;  // borders per tolerated mismatch: OpenCV rounds the first ties down
+constexpr double kMostApart = 1.1;  // ratio of the factors along columns and rows
 
 template <class T>
 void count(const cv::Mat& image, int invalid, std::vector<std::int64_t>& columns, std::vector<std::int64_t>& rows) {
@@ -28,8 +28,8 @@ void count(const cv::Mat& image, int invalid, std::vector<std::int64_t>& columns
   }
 }
 
-/// First pixels of `blocks` blocks in a line of `pixels`: pixel x is of block floor((x + shift) * blocks / pixels), as
-/// OpenCV (shift 0), and PIL and scikit-image (0.5) have it.
+/// First pixels of `blocks` blocks in a line of `pixels`: pixel x belongs to block floor((x + shift) * blocks /
+/// pixels), as in OpenCV (shift 0), and in PIL and scikit-image (0.5).
 std::vector<int> grid(int pixels, int blocks, double shift) {
   std::vector<int> first;
   int last = -1;
@@ -41,8 +41,7 @@ std::vector<int> grid(int pixels, int blocks, double shift) {
   return first;
 }
 
-/// Whether changes stand at the borders of a grid, nearly at all between the first and the last, and hardly
-/// elsewhere.
+/// True if changes occur at nearly all grid borders between the first and the last, and hardly anywhere else.
 bool fits(const std::vector<int>& grid, const std::vector<std::int64_t>& changes, int first, int last) {
   int inside = 0, open = 0, all = 0;
   std::size_t next = 0;
@@ -57,7 +56,7 @@ bool fits(const std::vector<int>& grid, const std::vector<std::int64_t>& changes
   return inside * kMisplaced <= all && open >= kOpen * all;
 }
 
-/// The first pixels of the blocks in one direction; empty: there are none.
+/// Returns the first pixels of the blocks in one direction; empty if the image has no blocks.
 std::vector<int> blocks_along(const std::vector<std::int64_t>& changes) {
   const int pixels = static_cast<int>(changes.size());
   int first = -1, last = -1, borders = 0;
@@ -70,7 +69,7 @@ std::vector<int> blocks_along(const std::vector<std::int64_t>& changes) {
   if (borders < kLeastBorders) return {};
   const double factor = static_cast<double>(last - first) / (borders - 1);
   if (factor < kLeastFactor) return {};
-  // Borders without a change, and the margins, leave the number of blocks open.
+  // Borders without a change, and the margins, leave the number of blocks ambiguous.
   const int most = static_cast<int>(pixels / kLeastFactor), about = static_cast<int>(std::lround(pixels / factor));
   for (int blocks = std::max(borders, about - 1); blocks <= std::min(most, about + about / 8 + 2); ++blocks)
     for (const double shift : {0.0, 0.5})

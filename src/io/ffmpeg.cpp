@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// A library stays loaded until the end of the program.
+/// Loads a shared library, until the end of the program.
 void* open_library(const char* name, int version) {
   const std::string file = fmt::format("lib{}.so.{}", name, version);
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
@@ -29,7 +29,7 @@ void find(void* library, const char* name, Function& function) {
 
 Ffmpeg load() {
   Ffmpeg f;
-  // Those that others need first.
+  // In dependency order.
   void* library = open_library("avutil", LIBAVUTIL_VERSION_MAJOR);
 #define CAIRN_FIND(name) find(library, #name, f.name);
   CAIRN_AVUTIL(CAIRN_FIND)
@@ -40,7 +40,7 @@ Ffmpeg load() {
   library = open_library("avformat", LIBAVFORMAT_VERSION_MAJOR);
   CAIRN_AVFORMAT(CAIRN_FIND)
 #undef CAIRN_FIND
-  f.av_log_set_level(AV_LOG_QUIET);  // what is wrong is thrown
+  f.av_log_set_level(AV_LOG_QUIET);  // errors are thrown instead
   return f;
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// FFmpeg's functions that are used, from its libraries as they lie on the machine when the first video is opened:
-// linked, they and the hundred libraries that they bring would be loaded at every start, and nothing would run without
-// them.
+// FFmpeg functions, loaded with dlopen when the first video is opened. Linking would load FFmpeg and its hundred
+// dependencies at every start, and the program would not run without them.
 #pragma once
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -42,10 +41,10 @@ struct Ffmpeg {
 #undef CAIRN_DECLARE
 };
 
-/// Throws std::runtime_error where they are not installed, which says what to install.
+/// Returns the loaded functions. Throws std::runtime_error with the packages to install if FFmpeg is missing.
 [[nodiscard]] const Ffmpeg& ffmpeg();
 
-/// What an error number of FFmpeg's means.
+/// Returns the description of an FFmpeg error code.
 [[nodiscard]] std::string ffmpeg_error(int error);
 
 }  // namespace cairn

@@ -9,10 +9,10 @@
 
 namespace cairn {
 
-/// A file read piece by piece, which knows where it is and where its end is.
+/// File read sequentially, with its position and the remaining size.
 class FileBytes {
  public:
-  /// Throws std::runtime_error with the file and why it cannot be read, or that it is empty.
+  /// Throws std::runtime_error with the file if it cannot be read or is empty.
   explicit FileBytes(const std::filesystem::path& file) : name_(file.string()), in_(file, std::ios::binary) {
     std::error_code ignored;
     if (!std::filesystem::is_regular_file(file, ignored))
@@ -31,7 +31,7 @@ class FileBytes {
     in_.clear();
     in_.seekg(static_cast<std::streamoff>(place));
   }
-  /// Whether so many bytes were there to be read.
+  /// Returns false if fewer bytes are left.
   [[nodiscard]] bool read(void* to, std::uint64_t count) {
     if (count > left() || !in_.read(static_cast<char*>(to), static_cast<std::streamsize>(count))) return false;
     at_ += count;

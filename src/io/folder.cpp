@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Folders of images as people have them: depth and colour in folders of their own or beside each other, paired by what
-// their names tell, and the camera in a file that lies there. Open3D's recorders (Zhou et al. 2018) leave such, too.
+// User folders of images: depth and color in separate folders or in the same one, paired by file name, with the camera
+// in a file in the folder. Also the output of Open3D's recorders (Zhou et al. 2018).
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -27,14 +27,14 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
-constexpr double kFrameRate = 30;  // Hz, where neither names nor files tell
+constexpr double kFrameRate = 30;  // Hz, if neither names nor files define a rate
 
-// In lower case, the likeliest first.
+// In lower case, most likely first.
 constexpr std::array kDepthFolders{"depth"sv,        "depths"sv,      "depth_raw"sv,  "raw_depth"sv,
                                    "depth_images"sv, "depth_image"sv, "depth_maps"sv, "depthmaps"sv};
 constexpr std::array kColourFolders{"color"sv,   "colour"sv,     "rgb"sv,          "images"sv, "image"sv, "colors"sv,
                                     "colours"sv, "rgb_images"sv, "color_images"sv, "img"sv,    "imgs"sv};
-// What stands in names of pictures that are neither.
+// Words in names of images that are neither depth nor color.
 constexpr std::array kOthers{"mask"sv, "label"sv, "normal"sv, "vis"sv, "seg"sv, "infra"sv, "conf"sv, "preview"sv};
 constexpr std::array kColourWords{"rgb"sv, "color"sv, "colour"sv, "image"sv, "img"sv};
 
@@ -46,10 +46,10 @@ bool has_one(const std::string& name, const Words& words) {
 struct Images {
   fs::path depth_folder, colour_folder;
   std::vector<fs::path> depth, colour;
-  std::vector<std::string> passed_over;  // files of other kinds, a line for each folder
+  std::vector<std::string> passed_over;  // files of unsupported formats, a line for each folder
 };
 
-/// The first folder of some names that holds images, else the first with one of some words in its name.
+/// Returns the first folder from `names` that holds images, else the first with any of `words` in its name.
 template <class Names, class Words, class List>
 std::pair<fs::path, std::vector<fs::path>> find_folder(const std::map<std::string, fs::path>& folders,
                                                        const Names& names, const Words& words, bool is_depth,
@@ -65,7 +65,7 @@ std::pair<fs::path, std::vector<fs::path>> find_folder(const std::map<std::strin
 
 bool is_tiff_name(const fs::path& file) { return extension_of(file) == ".tif" || extension_of(file) == ".tiff"; }
 
-/// By their names, where some have `depth` in them, else by their kind of number.
+/// Splits images into depth and color by names with `depth` in them, else by pixel type.
 void sort_out(const fs::path& folder, Images& images) {
   const auto is_depth = [](const fs::path& file) {
     const std::string stem = lower(file.stem().string());
@@ -75,7 +75,7 @@ void sort_out(const fs::path& folder, Images& images) {
   if (std::any_of(images.depth.begin(), images.depth.end(), is_depth)) {
     std::erase_if(images.depth, [&](const fs::path& file) { return !is_depth(file); });
   } else {
-    // One file of each pattern is looked into.
+    // Decodes one file of each name pattern.
     std::map<std::string, bool> patterns;
     std::erase_if(images.depth, [&](const fs::path& file) {
       std::string pattern = file.filename().string();
@@ -86,7 +86,7 @@ void sort_out(const fs::path& folder, Images& images) {
           const cv::Mat image = decode_depth(read_whole(file));
           it->second = image.type() == CV_16UC1 || image.type() == CV_32FC1;
         } catch (const std::exception&) {
-          patterns.erase(it);  // the next one tells
+          patterns.erase(it);  // decide by the next file
           return true;
         }
       }
@@ -100,7 +100,7 @@ void sort_out(const fs::path& folder, Images& images) {
     return taken.contains(file) || has_one(lower(file.stem().string()), kOthers) ||
            lower(file.stem().string()).find("depth") != std::string::npos;
   });
-  // Depth that exists as TIFF, too, is no color.
+  // Depth stored as TIFF as well must not count as color.
   if (std::any_of(images.colour.begin(), images.colour.end(), [](const fs::path& file) { return !is_tiff_name(file); }))
     std::erase_if(images.colour, is_tiff_name);
   const auto is_named = [](const fs::path& file) { return has_one(lower(file.stem().string()), kColourWords); };
@@ -109,7 +109,7 @@ void sort_out(const fs::path& folder, Images& images) {
   images.depth_folder = images.colour_folder = folder;
 }
 
-/// A line for each folder of depth or color in which files of a kind that is not read are passed over.
+/// Adds a line for each folder of depth or color with files of an unsupported format.
 void note_others(const std::map<std::string, fs::path>& folders, Images& images) {
   const auto note = [&](const fs::path& folder, const std::vector<fs::path>& taken, const char* remedy) {
     const auto words = passed_over_in(folder, taken);
@@ -145,7 +145,7 @@ Images find_images(const fs::path& folder) {
   return images;
 }
 
-/// What else lies in a folder, by extensions: "20 files .raw".
+/// Describes the other files in a folder by extension: "20 files .raw".
 std::string others_in(const fs::path& folder) {
   std::map<std::string, int> extensions;
   std::error_code ignored;
@@ -158,7 +158,7 @@ std::string others_in(const fs::path& folder) {
                      most->first.empty() ? "without an extension" : shown(most->first));
 }
 
-/// A folder for depth without an image that can be read is no reason to look further.
+/// Throws if a depth folder has no readable image, instead of searching further.
 void refuse_empty_depth(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder))
@@ -167,7 +167,7 @@ void refuse_empty_depth(const fs::path& folder) {
                                            others_in(entry.path())));
 }
 
-/// "PNG", of which images are.
+/// Returns the images' format in capitals, for example "PNG".
 std::string kind_of(const std::vector<fs::path>& images) {
   std::string extension = images.empty() ? "" : extension_of(images[0]);
   if (!extension.empty()) extension.erase(0, 1);
@@ -175,8 +175,8 @@ std::string kind_of(const std::vector<fs::path>& images) {
   return extension;
 }
 
-/// Poses beside the images: frame-000012.pose.txt of frame-000012.depth.png, or pose/12.txt of depth/12.png, row by
-/// row.
+/// Reads row-major poses next to the images: frame-000012.pose.txt of frame-000012.depth.png, or pose/12.txt of
+/// depth/12.png.
 void add_truth(const fs::path& folder, Recording& recording) {
   std::error_code ignored;
   const fs::path poses = fs::is_directory(folder / "poses", ignored) ? folder / "poses" : folder / "pose";
@@ -190,7 +190,8 @@ void add_truth(const fs::path& folder, Recording& recording) {
     for_each_line(file, [&](int, const std::vector<std::string>& words) {
       for (const auto& word : words) numbers.push_back(number_in(word).value_or(NAN));
     });
-    const auto pose = numbers.size() == 16 ? pose_of_rows(numbers) : std::nullopt;  // ScanNet has -inf for none
+    const auto pose =
+        numbers.size() == 16 ? pose_of_rows(numbers) : std::nullopt;  // ScanNet writes -inf for missing poses
     if (pose) recording.truth.push_back({entry.timestamp, *pose});
   }
 }

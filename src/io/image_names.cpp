@@ -21,17 +21,18 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-constexpr std::array kColour{".png"sv, ".jpg"sv, ".jpeg"sv, ".webp"sv, ".bmp"sv, ".tiff"sv, ".tif"sv};  // best first
+constexpr std::array kColour{".png"sv, ".jpg"sv,  ".jpeg"sv, ".webp"sv,
+                             ".bmp"sv, ".tiff"sv, ".tif"sv};  // best quality first
 constexpr std::array kNotRead{".heic"sv, ".heif"sv, ".avif"sv, ".jxl"sv, ".jp2"sv, ".gif"sv, ".ppm"sv, ".pgm"sv,
                               ".pnm"sv,  ".tga"sv,  ".hdr"sv,  ".pfm"sv, ".raw"sv, ".bin"sv, ".dng"sv, ".npz"sv,
                               ".mat"sv,  ".mp4"sv,  ".mov"sv,  ".avi"sv, ".mkv"sv, ".dat"sv};
-constexpr std::array kDepth{".npy"sv, ".exr"sv, ".tiff"sv, ".tif"sv, ".png"sv, ".pgm"sv};  // the richest first
-constexpr std::size_t kMostNear = 1000;  // images at an image's time, more than any camera takes
-constexpr double kLeastSecond = 1e-3;    // between images whose names are seconds with a point
+constexpr std::array kDepth{".npy"sv, ".exr"sv, ".tiff"sv, ".tif"sv, ".png"sv, ".pgm"sv};  // most precise first
+constexpr std::size_t kMostNear = 1000;  // images at the time of an image; more than any camera takes
+constexpr double kLeastSecond = 1e-3;    // seconds between images with decimal seconds as names
 constexpr double kMostSecond = 100;
-// Between images, in units of a clock: 0.008 to 8 s, so that the units share no step.
+// Steps between images, in clock units: 0.008 to 8 s, so that the units' ranges do not overlap.
 constexpr std::uint64_t kMilliseconds = 8, kMicroseconds = 8'000, kNanoseconds = 8'000'000;
-// A step that never changes counts frames, if it is no larger and the numbers are none since 1970.
+// A constant step up to this size counts frames, if the numbers are no times since 1970.
 constexpr std::uint64_t kMostStride = 1000, kEpoch = 100'000'000;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -40,7 +41,7 @@ std::string_view without_zeros(std::string_view digits) {
   return digits.substr(std::min(digits.find_first_not_of('0'), digits.size() - 1));
 }
 
-/// The run of digits at the front, taken off.
+/// Removes and returns the leading digits.
 std::string_view take_digits(std::string_view& text) {
   std::size_t end = 0;
   while (end < text.size() && is_digit(text[end])) ++end;
@@ -49,7 +50,7 @@ std::string_view take_digits(std::string_view& text) {
   return digits;
 }
 
-/// A run of digits in a stem.
+/// Run of digits in a file name's stem.
 struct Run {
   std::string_view digits;
   std::size_t at;
@@ -90,7 +91,7 @@ double median_step(std::vector<double> values) {
   return median(steps_of(values));
 }
 
-/// What whole numbers count, by how they grow.
+/// Unit of integer names, from their values and steps.
 Numbering::Unit unit_of(const std::vector<std::uint64_t>& numbers, bool padded) {
   using Unit = Numbering::Unit;
   const auto steps = steps_of(sorted(numbers));
@@ -121,7 +122,7 @@ double seconds_in(Numbering::Unit unit) {
   }
 }
 
-/// Seconds with a point, as 1305031102.175304, if the names hold such at a run.
+/// Parses decimal seconds at a run, for example 1305031102.175304. Returns false if the names have none.
 bool take_seconds(const std::vector<std::vector<Run>>& runs, std::span<const std::string> stems, std::size_t at,
                   Numbering& found) {
   std::vector<double> values;
@@ -150,7 +151,7 @@ void take_numbers(const std::vector<std::vector<Run>>& runs, std::size_t at, Num
   }
   found.unit = unit_of(numbers, padded);
   const bool is_time = found.is_time();
-  // Nanoseconds since 1970 do not fit into a double: what is since the first second does.
+  // Nanoseconds since 1970 exceed the precision of a double; times relative to the first second do not.
   const auto per_second = is_time ? static_cast<std::uint64_t>(std::llround(1 / seconds_in(found.unit))) : 1;
   found.values.reserve(found.values.size() + numbers.size());
   for (const std::uint64_t number : numbers) {
@@ -160,7 +161,7 @@ void take_numbers(const std::vector<std::vector<Run>>& runs, std::size_t at, Num
   }
 }
 
-/// By key the image that has it; two with one key have none.
+/// Maps each key to its image; duplicate keys map to -1.
 template <class Key>
 std::map<Key, int> places(const std::vector<Key>& keys) {
   std::map<Key, int> places;
@@ -184,7 +185,7 @@ std::vector<std::string> stems_of(std::span<const fs::path> images) {
   return stems;
 }
 
-/// All numbers of a name, for sets in which nothing differs since there is one image.
+/// All numbers of each name, for sets of a single image, where no number differs.
 std::vector<std::vector<std::string>> all_numbers(std::span<const fs::path> images) {
   std::vector<std::vector<std::string>> keys;
   for (const auto& stem : stems_of(images)) {
@@ -213,7 +214,7 @@ bool natural_less(std::string_view a, std::string_view b) {
     }
   }
   if (a.empty() != b.empty()) return a.empty();
-  return whole_a < whole_b;  // 1 and 01
+  return whole_a < whole_b;  // for example 1 and 01
 }
 
 std::string lower(std::string text) {
@@ -239,7 +240,7 @@ std::vector<fs::path> files_in(const fs::path& folder, std::span<const std::stri
 
 namespace {
 
-/// Of several files with one stem the one whose extension comes first.
+/// Keeps, of several files with the same stem, the file with the preferred extension.
 template <class Extensions>
 std::vector<fs::path> best_in(const fs::path& folder, const Extensions& extensions) {
   auto files = files_in(folder, extensions);
@@ -318,7 +319,7 @@ std::vector<int> associate(std::span<const double> times, std::span<const double
   std::iota(order.begin(), order.end(), 0);
   const auto time = [&](int i) { return others[static_cast<std::size_t>(i)]; };
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return time(a) < time(b); });
-  std::vector<std::tuple<double, int, int>> pairs;  // difference, one, other
+  std::vector<std::tuple<double, int, int>> pairs;  // difference, index in times, index in others
   for (std::size_t i = 0; i < times.size(); ++i) {
     auto it = std::lower_bound(order.begin(), order.end(), times[i] - most_difference,
                                [&](int k, double t) { return time(k) < t; });

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What names of images tell in folders as people have them: their order, their numbers and times, and which colour
-// image belongs to which depth image.
+// Order, numbers and times of images from their file names, and the pairing of color with depth images.
 #pragma once
 #include <filesystem>
 #include <optional>
@@ -12,53 +11,52 @@
 
 namespace cairn {
 
-/// The order of people: 2 comes before 10.
+/// Natural sort order: 2 comes before 10.
 [[nodiscard]] bool natural_less(std::string_view a, std::string_view b);
 
-/// The text in lower case, of ASCII.
+/// Returns the text in lower case (ASCII only).
 [[nodiscard]] std::string lower(std::string text);
 
-/// Files of a folder with one of these extensions (in lower case, as ".png"; names may have any case), in natural
-/// order; none where there is no such folder. Hidden files and what macOS leaves beside them (._NAME) are no images.
+/// Returns a folder's files with the given extensions (in lower case, as ".png"; names may have any case), in natural
+/// order; empty if the folder does not exist. Skips hidden files and macOS resource forks (._NAME).
 [[nodiscard]] std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
                                                           std::span<const std::string_view> extensions);
-/// Of color: PNG, JPEG, WebP, BMP and TIFF. Of several with one stem, they go in this order.
+/// Color images: PNG, JPEG, WebP, BMP and TIFF. Files with the same stem are preferred in this order.
 [[nodiscard]] std::vector<std::filesystem::path> images_in(const std::filesystem::path& folder);
-/// What depth can be: PNG, TIFF, EXR, NPY and PGM. Of several with one stem, NPY goes before EXR before TIFF before
-/// PNG.
+/// Depth images: PNG, TIFF, EXR, NPY and PGM. Of files with the same stem, NPY is preferred over EXR, TIFF and PNG.
 [[nodiscard]] std::vector<std::filesystem::path> depth_images_in(const std::filesystem::path& folder);
 
-/// "60 files .heic in color are not read": of the kind of image or video that most of a folder's files beside `taken`
-/// have and no reader knows; nothing where there are none.
+/// Describes skipped files, for example "60 files .heic in color are not read": the most common unsupported image or
+/// video format among the files not in `taken`; empty if there are none.
 [[nodiscard]] std::optional<std::string> passed_over_in(const std::filesystem::path& folder,
                                                         std::span<const std::filesystem::path> taken);
 
-/// What stands in the names of a set of images.
+/// Numbers in the names of a set of images.
 struct Numbering {
   enum class Unit { none, frames, seconds, milliseconds, microseconds, nanoseconds };
-  Unit unit = Unit::none;                      ///< of what grows from name to name
-  std::vector<double> values;                  ///< by image: seconds, or frames; empty for none
-  double step = 0;                             ///< between images, the median, in the same unit; 0: a single one
+  Unit unit = Unit::none;                      ///< unit of the number that grows from name to name
+  std::vector<double> values;                  ///< by image: seconds or frames; empty for Unit::none
+  double step = 0;                             ///< median between images, in the same unit; 0: a single image
   std::vector<std::vector<std::string>> keys;  ///< by image: the numbers that differ within the set
   [[nodiscard]] bool is_time() const { return unit != Unit::none && unit != Unit::frames; }
 };
 [[nodiscard]] Numbering numbering_of(std::span<const std::filesystem::path> images);
 [[nodiscard]] const char* name_of(Numbering::Unit unit);
 
-/// For each of some times the nearest other one within a difference, or -1: the closest pairs first, one to one. Throws
-/// std::runtime_error where more others lie within it than any camera takes.
+/// Matches each time to the nearest other time within `most_difference`, or -1: closest pairs first, one to one. Throws
+/// std::runtime_error if more times are within the difference than any camera takes.
 [[nodiscard]] std::vector<int> associate(std::span<const double> times, std::span<const double> others,
                                          double most_difference);
 
 struct Pairs {
   enum class By { nothing, name, number, time, order };
   By by = By::nothing;
-  std::vector<int> colour;  ///< by depth image: its colour image, -1: none
-  int alone = 0;            ///< depth images without one
-  int colour_alone = 0;     ///< colour images without a depth image
+  std::vector<int> colour;  ///< by depth image: its color image, -1: none
+  int alone = 0;            ///< depth images without a color image
+  int colour_alone = 0;     ///< color images without a depth image
 };
-/// By equal names, equal numbers or near times; by order where names tell nothing and there are as many of both.
-/// Nothing where no way is left.
+/// Pairs images by equal names, equal numbers or near times; by order if the names have no usable numbers and the
+/// counts match. Empty if no rule applies.
 [[nodiscard]] std::optional<Pairs> pair_images(std::span<const std::filesystem::path> depth,
                                                const Numbering& depth_names,
                                                std::span<const std::filesystem::path> colour,

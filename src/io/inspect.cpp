@@ -16,13 +16,14 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kEvery = 37;  // depth pixel that is kept for the statistics; shares no factor with usual widths
-constexpr double kNearest = 0.05, kFarthest = 100;  // metres, of a median that a depth camera can have
-constexpr double kLongest = 0.1;                    // seconds between a depth image and its colour
-constexpr double kFewMeasured = 0.2;                // of the pixels
-constexpr float kJump = 0.05f, kSlope = 0.05f;      // metres, and of the depth, between pixels on both sides of an edge
+constexpr std::size_t kEvery =
+    37;  // stride of depth pixels used for the statistics; shares no factor with common widths
+constexpr double kNearest = 0.05, kFarthest = 100;  // meters, plausible median of a depth camera
+constexpr double kLongest = 0.1;                    // seconds between a depth image and its color image
+constexpr double kFewMeasured = 0.2;                // share of pixels
+constexpr float kJump = 0.05f, kSlope = 0.05f;      // meters, and share of the depth, across a depth edge
 
-/// The value that a share of the others is below; reorders them.
+/// Quantile of the values at `share`; reorders them.
 template <class T>
 T quantile(std::vector<T>& values, double share) {
   if (values.empty()) return T{};
@@ -31,11 +32,11 @@ T quantile(std::vector<T>& values, double share) {
   return *at;
 }
 
-/// What one sees of a source frame by frame.
+/// Statistics collected frame by frame.
 struct Seen {
   std::vector<double> steps, delays;  // seconds
   std::vector<float> depths;          // metres
-  std::size_t pixels = 0;             // of which the depths are
+  std::size_t pixels = 0;             // total number of pixels
   std::optional<double> first, last;  // seconds
 };
 

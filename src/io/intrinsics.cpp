@@ -28,16 +28,16 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-constexpr double kMostSkew = 1e-3;          // of fx
-constexpr std::size_t kMostText = 1 << 16;  // bytes of a file of a few numbers
+constexpr double kMostSkew = 1e-3;          // share of fx
+constexpr std::size_t kMostText = 1 << 16;  // bytes of a small text file
 constexpr const char* kJson = "width, height, fx, fy, cx, cy and depth_scale (units per metre)";
 constexpr const char* kText = "a 3x3 or 4x4 matrix, `fx fy cx cy`, or lines such as `fx: 525`";
 
-/// Of apps on phones, which have other things in them in other programs' folders: taken where they tell a camera.
+/// Files of phone apps. Other programs use these names for other content, so they count only with a camera in them.
 constexpr std::array kPerhaps{"metadata.json", "info.json"};
 constexpr const char* kFrameJson = "frame_";  // frame_00000.json of 3D Scanner App
 
-/// In lower case; the first that is there is taken.
+/// In lower case; the first existing file is used.
 constexpr std::array kFiles{"camera.yaml",
                             "camera.yml",
                             "intrinsics.json",
@@ -68,7 +68,7 @@ constexpr std::array kFiles{"camera.yaml",
                             "intrinsics_depth.txt",
                             "intrinsic_depth.txt"};
 
-/// Names of one thing in the files of others.
+/// Aliases of keys in files of other programs.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 14> kNames{{{"w", "width"},
                                                                                 {"image_width", "width"},
                                                                                 {"h", "height"},
@@ -88,7 +88,7 @@ std::string_view usual_name(std::string_view name) {
   return it == kNames.end() ? name : it->second;
 }
 
-/// fx, fy, cx and cy of 3x3 or 4x4 numbers, row by row or, as Open3D writes them, column by column.
+/// Reads fx, fy, cx and cy from a matrix of 3x3 or 4x4 numbers, row-major or, as written by Open3D, column-major.
 void take_matrix(const std::vector<double>& m, const char* name, Camera& camera) {
   if (m.size() != 9 && m.size() != 16) throw std::runtime_error(fmt::format("`{}` takes 9 numbers", name));
   const std::size_t n = m.size() == 9 ? 3 : 4;
@@ -107,7 +107,7 @@ void take_distortion(const std::vector<double>& terms, const char* name, Camera&
   std::copy(terms.begin(), terms.end(), camera.distortion.begin());
 }
 
-/// Numbers of a list, or of a list of lists; nothing where others stand in it.
+/// Flattens a list, or list of lists, of numbers; empty if an entry has another type.
 std::optional<std::vector<double>> numbers_of(const Json& list) {
   std::vector<double> numbers;
   if (!list.is_array()) return std::nullopt;
@@ -150,7 +150,7 @@ void take_lens(const Json& json, Camera& camera) {
 
 void take(const Json& given, Intrinsics& found) {
   const Json* from = &given;
-  for (const char* name : {"intrinsic", "intrinsics", "camera", "depth"})  // what holds them in the files of others
+  for (const char* name : {"intrinsic", "intrinsics", "camera", "depth"})  // parent objects in files of other programs
     if (const auto it = given.find(name);
         from == &given && !given.contains("fx") && it != given.end() && it->is_object())
       from = &*it;
@@ -173,12 +173,12 @@ void take(const Json& given, Intrinsics& found) {
     file.depth_scale = number_at(json, "depth_scale");
     check_depth_scale(*file.depth_scale);
   }
-  for (const char* name : {"frame_rate", "fps"})  // the second of Record3D
+  for (const char* name : {"frame_rate", "fps"})  // `fps` is Record3D's
     if (json.contains(name) && !file.frame_rate) file.frame_rate = number_at(json, name);
   if (file.frame_rate) check_frame_rate(*file.frame_rate);
 }
 
-/// Words and numbers of a text, whatever brackets and commas stand between them.
+/// Splits a text into words and numbers at brackets and commas.
 std::vector<std::string> words_of(const fs::path& file) {
   std::error_code ignored;
   if (fs::file_size(file, ignored) > kMostText && !ignored)
@@ -212,7 +212,7 @@ void take_words(const std::vector<std::string>& words, Intrinsics& found) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     if (const auto number = number_in(words[i])) {
       numbers.push_back(*number);
-    } else if (i + 1 < words.size() && (i == 0 || usual_name(lower(words[i - 1])) != "cx")) {  // no headline of names
+    } else if (i + 1 < words.size() && (i == 0 || usual_name(lower(words[i - 1])) != "cx")) {  // not a header
       if (const auto value = number_in(words[i + 1])) named[std::string(usual_name(lower(words[i])))] = *value, ++i;
     }
   }
@@ -256,14 +256,15 @@ std::vector<double> list_of(const YAML::Node& y, const char* name) {
   return data.as<std::vector<double>>();
 }
 
-/// The first of some names that is there.
+/// Returns the first of the names that exists.
 const char* one_of(const YAML::Node& y, std::initializer_list<const char*> names) {
   for (const char* name : names)
     if (y[name]) return name;
   return nullptr;
 }
 
-/// fx, fy, cx and cy of the left 3x3 numbers of a matrix row by row. Throws where its zeros are in other places.
+/// Reads fx, fy, cx and cy from the left 3x3 numbers of a row-major matrix. Throws if an entry that should be zero is
+/// not.
 void take_rows(const std::vector<double>& m, const char* name, Camera& camera) {
   const std::size_t columns = m.size() / 3;
   const auto k = [&](std::size_t r, std::size_t c) { return m[columns * r + c]; };
@@ -273,7 +274,8 @@ void take_rows(const std::vector<double>& m, const char* name, Camera& camera) {
   camera.fx = k(0, 0), camera.fy = k(1, 1), camera.cx = k(0, 2), camera.cy = k(1, 2);
 }
 
-/// RTAB-Map leaves zeros in camera_matrix of rectified images: their camera is projection_matrix. False: it is not.
+/// RTAB-Map writes zeros into camera_matrix for rectified images; projection_matrix then holds the camera. Returns
+/// false for other files.
 bool take_projection(const YAML::Node& y, const std::vector<double>& k, Camera& camera) {
   const char* name = one_of(y, {"projection_matrix", "P", "p"});
   if (k[4] != 0 || k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || name == nullptr) return false;
@@ -283,7 +285,7 @@ bool take_projection(const YAML::Node& y, const std::vector<double>& k, Camera& 
   return true;
 }
 
-/// COLMAP's cameras.txt, whatever its name: `1 PINHOLE 640 480 ...`.
+/// True for the format of COLMAP's cameras.txt under any name: `1 PINHOLE 640 480 ...`.
 bool is_colmap(const fs::path& file) {
   bool is_first = true, is_model = false;
   std::error_code ignored;
@@ -306,7 +308,7 @@ bool tells_camera(const fs::path& file) {
   }
 }
 
-/// Whether camera files are those of one program: of several of ORB-SLAM's settings nothing says which is meant.
+/// True if the camera files have a single meaning; of several ORB-SLAM settings, the right file is unknown.
 bool are_one(const std::vector<fs::path>& files) { return files.size() == 1 || files[0].filename() == "cameras.txt"; }
 
 }  // namespace
@@ -348,11 +350,11 @@ std::optional<fs::path> intrinsics_file(const fs::path& folder) {
   if (const auto others = other_camera_files(folder); !others.empty() && are_one(others)) return others[0];
   for (const char* name : kPerhaps)
     if (const auto it = present.find(name); it != present.end() && tells_camera(it->second)) return it->second;
-  // Its camera changes a little with the focus; the first frame's is taken.
+  // This app's camera changes slightly with the focus; the first frame's is used.
   if (const auto it = present.lower_bound(kFrameJson); it != present.end() && it->first.starts_with(kFrameJson) &&
                                                        it->first.ends_with(".json") && tells_camera(it->second))
     return it->second;
-  // As ScanNet's images are unpacked, and 3DMatch's, where sequences share a camera.
+  // Layout of unpacked ScanNet images, and of 3DMatch, where sequences share a camera.
   for (const auto& file : {folder / "intrinsic" / "intrinsic_depth.txt",
                            fs::absolute(folder).lexically_normal() / "../camera-intrinsics.txt"})
     if (fs::exists(file, ignored)) return file;
@@ -400,7 +402,7 @@ std::string passed_over_cameras(const fs::path& folder) {
     } catch (const std::runtime_error& error) {
       words += fmt::format("{}; ", error.what());
     }
-    break;  // the first says enough
+    break;  // the first error is enough
   }
   return words;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The camera of a folder of images, from the files that people have: camera.yaml, JSON of Open3D, librealsense and
-// Record3D, a matrix as text, ROS' camera_info, and those of other_cameras.hpp.
+// Camera of an image folder, from common files: camera.yaml, JSON of Open3D, librealsense and Record3D, a matrix as
+// text, ROS camera_info, and the formats of other_cameras.hpp.
 #pragma once
 #include <filesystem>
 #include <optional>
@@ -14,24 +14,25 @@ class Node;
 
 namespace cairn {
 
-/// A camera as `camera_matrix: {data: [...]}` and its like tell, of ROS' camera_calibration and RTAB-Map, or as K and D
-/// of a camera_info. Throws std::runtime_error and YAML::Exception.
+/// Reads a camera in the form `camera_matrix: {data: [...]}`, written by ROS' camera_calibration and RTAB-Map, or as K
+/// and D of a camera_info. Throws std::runtime_error and YAML::Exception.
 [[nodiscard]] Camera camera_of_ros(const YAML::Node& yaml);
 
 struct Intrinsics {
-  CameraFile camera;       ///< its size is not checked where the file tells none
+  CameraFile camera;       ///< size not checked if missing from the file
   bool is_open3d = false;  ///< has Open3D's intrinsic_matrix
 };
-/// The first file of a known name in the folder; nothing where there is none.
+/// Returns the first file with a known name in the folder; empty if there is none.
 [[nodiscard]] std::optional<std::filesystem::path> intrinsics_file(const std::filesystem::path& folder);
-/// Throws std::runtime_error with the file and what is wrong in it.
+/// Reads a camera file. Throws std::runtime_error with the file and the error in it.
 [[nodiscard]] Intrinsics read_intrinsics(const std::filesystem::path& file);
 
-/// Files beside the images that may be meant for a camera and are not taken, with what is wrong with them, as a clause
-/// that ends with "; "; empty: none.
+/// Lists unused files next to the images that may be meant as a camera, with their errors, as a clause ending in "; ";
+/// empty if there are none.
 [[nodiscard]] std::string passed_over_cameras(const std::filesystem::path& folder);
 
-/// Where to write what, as one clause of a message: the smallest camera.yaml, and what else `--camera` takes.
+/// Explains in one clause how to provide the camera: path and content of a minimal camera.yaml, and the alternatives of
+/// `--camera`.
 [[nodiscard]] std::string how_to_tell_the_camera(const std::filesystem::path& folder, const Camera& like);
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Fields of the JSON files that lie beside images.
+// Fields of JSON files next to images.
 #pragma once
 #include <cmath>
 #include <filesystem>
@@ -18,7 +18,7 @@ namespace cairn {
 /// Maximum number of values of a JSON file beside images: 30,000 frames with poses and intrinsics.
 constexpr std::size_t kMostJsonValues = 1'000'000;
 
-/// Calls `take` with what a file holds, an object. Errors name the file and end with what it should hold.
+/// Calls `take` with the file's JSON object. Errors name the file and end with `expected`.
 template <class Take>
 void read_json(const std::filesystem::path& file, const std::string& expected, Take&& take) {
   try {
@@ -35,7 +35,7 @@ void read_json(const std::filesystem::path& file, const std::string& expected, T
   }
 }
 
-/// A number of an object; without `usual` it must be there.
+/// Returns a number of an object, or `usual` if the key is missing. Throws if neither exists.
 inline double number_at(const nlohmann::json& object, const char* key, std::optional<double> usual = {}) {
   const auto it = object.find(key);
   if (it == object.end() && usual) return *usual;

@@ -4,7 +4,7 @@
 
 namespace cairn {
 
-/// How long the first Kinect takes to read an image, seconds: Ringaby & Forssen 2011.
+/// Rolling-shutter readout time of the first Kinect's images, seconds: Ringaby & Forssen 2011.
 constexpr double kKinectDepthReadout = 0.03055, kKinectColourReadout = 0.02611;
 
 }  // namespace cairn

@@ -13,10 +13,10 @@ namespace {
 constexpr double kTum = 5000, kMillimetres = 1000;
 constexpr Lens kBrown = Lens::brown_conrady;
 
-// The Freiburg cameras: Sturm et al. 2012. Bonn: Palazzolo et al. 2019. 7-Scenes: Shotton et al. 2013. ICL-NUIM: Handa
-// et al. 2014, its fy made positive. Of a Kinect whose depth is registered to colour, the readout is colour's: what
-// `cairn calibrate --shutter` finds as well. Kinects: what OpenNI and Open3D take where nothing is calibrated. The
-// Azure Kinect: one device's, of its factory.
+// Freiburg cameras: Sturm et al. 2012. Bonn: Palazzolo et al. 2019. 7-Scenes: Shotton et al. 2013. ICL-NUIM: Handa et
+// al. 2014, with fy made positive. For a Kinect with depth registered to color, the readout is the color camera's,
+// confirmed by `cairn calibrate --shutter`. Kinects: uncalibrated defaults of OpenNI and Open3D. Azure Kinect: factory
+// calibration of a single device.
 constexpr std::array kCameras{
     KnownCamera{"freiburg1",
                 "TUM RGB-D's freiburg1",

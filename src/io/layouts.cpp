@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What files of a layout can tell of the cameras.
+/// Camera properties that a layout's files can store.
 enum Tells : unsigned { kLens = 1, kColourCamera = 2, kShutter = 4 };
 
 struct Layout {

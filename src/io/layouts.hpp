@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The writers of layouts, each from the description of its programs or data set. `folder` is empty; that the rig can be
-// told in the layout was seen to before.
+// Writers of folder layouts, each following the specification of its programs or data set. `folder` must be empty. The
+// caller has checked that the layout can represent the rig.
 #pragma once
 #include "cairn/layouts.hpp"
 
 namespace cairn {
 
-/// TUM RGB-D; without `camera_file` as Bonn's and ETH3D's, whose folders have calibration.txt or nothing.
+/// TUM RGB-D; without `camera_file` as in Bonn's and ETH3D's folders, with calibration.txt or no camera file.
 enum class TumKind { cairn, bonn, eth3d };
 [[nodiscard]] std::unique_ptr<LayoutWriter> write_tum(const std::filesystem::path& folder, const Rig& rig,
                                                       TumKind kind);
@@ -21,13 +21,13 @@ enum class TumKind { cairn, bonn, eth3d };
 
 [[nodiscard]] std::unique_ptr<LayoutWriter> write_stray_scanner(const std::filesystem::path& folder, const Rig& rig);
 
-/// What writers of images share.
+/// Image output shared by the writers.
 class ImageFolder {
  public:
   ImageFolder(std::filesystem::path folder, const Rig& rig) : folder_(std::move(folder)), rig_(rig) {}
-  /// A PNG; `none` where nothing was measured.
+  /// Writes a PNG, with the value `none` for missing measurements.
   void write_depth(const std::string& name, const Frame& frame, double units_per_metre, std::uint16_t none = 0) const;
-  /// By the name's extension; nothing for a frame without colour.
+  /// Writes in the format of the name's extension; skips frames without color.
   void write_colour(const std::string& name, const Frame& frame) const;
   void write_text(const std::string& name, std::string_view text) const;
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
@@ -40,7 +40,7 @@ class ImageFolder {
   Rig rig_;
 };
 
-/// The numbers of a matrix row by row, 17 digits where they need them.
+/// Formats a matrix row by row, with up to 17 digits.
 [[nodiscard]] std::string rows_of(const Eigen::Isometry3d& pose, int rows, std::string_view between);
 
 }  // namespace cairn

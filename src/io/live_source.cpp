@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kReadEarly = 1.5;  // times as long as reading a frame takes
+constexpr double kReadEarly = 1.5;  // multiple of the reading time of a frame
 
 }  // namespace
 
@@ -67,18 +67,18 @@ void LiveSource::run(const std::stop_token& stop) {
 }
 
 void LiveSource::play(const std::stop_token& stop) {
-  std::optional<std::pair<double, Clock::time_point>> first;  // timestamp, and when it was given
-  double before = 0;                                          // timestamp of the frame before
-  Seconds reading{0};                                         // a frame takes, smoothed
+  std::optional<std::pair<double, Clock::time_point>> first;  // timestamp, and wall-clock time of delivery
+  double before = 0;                                          // timestamp of the previous frame
+  Seconds reading{0};                                         // smoothed reading time of a frame
   const auto due = [&](double timestamp) {
     return first->second + std::chrono::duration_cast<Clock::duration>(Seconds(timestamp - first->first));
   };
-  // So late at a moment that the frame after it is due, too.
+  // Late enough that the next frame is due as well.
   const auto is_late = [&](double timestamp, Clock::time_point at) {
     return first && at - due(timestamp) > Seconds(timestamp - before);
   };
   while (!stop.stop_requested()) {
-    Clock::time_point wanted;  // when the reader will ask, about
+    Clock::time_point wanted;  // estimated time of the reader's next request
     {
       std::unique_lock lock(mutex_);
       if (!changed_.wait(lock, stop, [&] { return !newest_; })) return;
@@ -112,7 +112,7 @@ void LiveSource::play(const std::stop_token& stop) {
         drop(timestamp);
         continue;
       }
-      // It cannot be read as fast as it was taken: it plays as fast as it can.
+      // Reading is slower than the recording: play as fast as possible.
       if (reading >= interval) first->second += read_at - due(timestamp);
     }
     before = timestamp;
@@ -125,12 +125,12 @@ void LiveSource::play(const std::stop_token& stop) {
 }
 
 void LiveSource::play_every(const std::stop_token& stop) {
-  constexpr double kFarthest = 1e8;  // seconds from the first stamp: what lies farther is no time
+  constexpr double kFarthest = 1e8;  // seconds from the first stamp; larger values are invalid times
   std::optional<double> first;
-  double last = 0;          // seconds since the first, the most of all frames so far
-  Clock::time_point begin;  // when the first frame would have been played without any delay
+  double last = 0;          // maximum of seconds since the first stamp so far
+  Clock::time_point begin;  // playback time of the first frame without any delay
   while (!stop.stop_requested()) {
-    auto frame = source_->next();  // beside the reader, who is with the frame before
+    auto frame = source_->next();  // in parallel with the reader's work on the previous frame
     if (!frame) return;
     if (!first && std::isfinite(frame->timestamp)) first = frame->timestamp;
     const double since = first ? frame->timestamp - *first : 0;
