@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// MCAP files: records of a kind and a length; messages lie in chunks. The summary tells topics, counts, and the times
-// of chunks, as do the chunks themselves. https://mcap.dev/spec
+// MCAP files: records with a kind and a length; messages are stored in chunks. The summary lists topics, counts, and
+// the time range of each chunk; chunk headers repeat the time range. https://mcap.dev/spec
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ using namespace mcap;
 
 constexpr std::uint64_t kMostInMemory = 256ull << 20;  // bytes of a record
 
-/// The fields of a record, one after another.
+/// Sequential reader of a record's fields.
 class Fields {
  public:
   explicit Fields(Bytes bytes) : left_(bytes) {}
@@ -65,12 +65,12 @@ class McapFile final : public ChunkedRecording {
     try {
       chunks = read_summary();
     } catch (const std::runtime_error&) {
-      counts_.clear();  // the file is read without it
+      counts_.clear();  // read without the summary
     }
     for (const auto& [channel, messages] : counts_)
       if (const auto it = topic_of_channel_.find(channel); it != topic_of_channel_.end()) count(it->second, messages);
     if (chunks.empty()) chunks = walk();
-    // A channel may be told in the file before its messages alone, which come in another order by the index.
+    // A channel may be defined only before its messages in file order, but playback by index changes the order.
     if (!knows_channels_ && !are_in_order(chunks)) read_all();
     play_by(std::move(chunks));
     rewind();
@@ -82,7 +82,7 @@ class McapFile final : public ChunkedRecording {
     std::uint64_t size = 0;
   };
 
-  /// That of the next record of the file; nothing behind the data or where the file is cut off.
+  /// Returns the header of the next record of the file; empty after the data or at a truncated end.
   std::optional<Head> next_head() {
     record_at_ = in_.at();
     if (at_end_) return std::nullopt;
@@ -99,7 +99,7 @@ class McapFile final : public ChunkedRecording {
         name(), record_at_, in_.size());
     return std::nullopt;
   }
-  /// A chunk that is not packed need not be there to its end.
+  /// An uncompressed chunk may be truncated.
   [[nodiscard]] std::uint64_t whole_size(Head head) const { return head.kind == kChunk ? ~0ull : in_.left(); }
 
   Bytes read_data(std::uint64_t size) {
@@ -110,7 +110,7 @@ class McapFile final : public ChunkedRecording {
     return data_;
   }
 
-  /// Topics, counts and chunks from the end of a file that was finished.
+  /// Reads topics, counts and chunks from the end of a finished file.
   std::vector<Chunk> read_summary() {
     std::vector<Chunk> chunks;
     if (in_.size() < 2 * kMagic.size() + kHeadSize + kFooterSize) return chunks;
@@ -153,11 +153,11 @@ class McapFile final : public ChunkedRecording {
         }
         at_end = true;
       } catch (const std::runtime_error&) {
-        // It is thrown again where its chunk is played.
+        // Thrown again when the chunk is played.
       }
   }
 
-  /// A chunk by its index: times of its first and last message, and its place.
+  /// Chunk from an index record: times of its first and last message, and its position.
   static Chunk chunk_of(Fields fields) {
     const double begin = seconds_of(fields.number<std::uint64_t>()), end = seconds_of(fields.number<std::uint64_t>());
     return {.at = fields.number<std::uint64_t>(), .begin = begin, .end = end};
@@ -185,7 +185,7 @@ class McapFile final : public ChunkedRecording {
   }
   const char* sorting_command() const override { return "mcap sort IN.mcap -o OUT.mcap"; }
 
-  /// Takes in what a record tells about messages.
+  /// Learns schemas, channels and counts from a record.
   void learn(std::uint8_t kind, Bytes data) {
     Fields fields(data);
     if (kind == kSchema) {
@@ -205,15 +205,15 @@ class McapFile final : public ChunkedRecording {
   std::optional<RosMessage> message_of(Bytes data) const {
     Fields fields(data);
     const auto topic = topic_of_channel_.find(fields.number<std::uint16_t>());
-    (void)fields.number<std::uint32_t>();  // a count
+    (void)fields.number<std::uint32_t>();  // sequence number
     const double seconds = seconds_of(fields.number<std::uint64_t>());
-    (void)fields.number<std::uint64_t>();  // when it was sent
+    (void)fields.number<std::uint64_t>();  // publish time
     if (topic == topic_of_channel_.end()) return std::nullopt;
     return RosMessage{topic->second, seconds, record_at_, fields.left(), &name(), "byte"};
   }
 
-  /// Message of a record of the file. The records in a chunk that is not packed, and not whole or very large, are the
-  /// next ones.
+  /// Returns the message in a record of the file, if any. Records of an uncompressed chunk that is truncated or very
+  /// large are read one by one.
   std::optional<RosMessage> message_in_file(Head head) {
     if (head.kind == kMessage) return message_of(read_data(head.size));
     if (head.kind == kSchema || head.kind == kChannel)
@@ -227,7 +227,8 @@ class McapFile final : public ChunkedRecording {
 
   void open_chunk(std::uint64_t size) {
     const std::uint64_t begin = in_.at();
-    std::array<std::uint8_t, 32> front{};  // first and last time, size when unpacked, check sum, length of the kind
+    std::array<std::uint8_t, 32>
+        front{};  // first and last time, uncompressed size, CRC, length of the compression name
     std::string kind;
     std::uint64_t records = 0;
     bool whole = in_.read(front.data(), front.size());
@@ -257,7 +258,7 @@ class McapFile final : public ChunkedRecording {
     in_.seek(begin + size);
     hold(kind.empty() ? std::move(bytes) : unpacked(kind, data_, unpacked_size, used_memory()));
   }
-  /// The bytes of a chunk that is not packed.
+  /// Reads the bytes of an uncompressed chunk.
   std::vector<std::uint8_t> whole_chunk(std::uint64_t size) {
     auto bytes = used_memory();
     bytes.resize(size);
@@ -287,7 +288,7 @@ class McapFile final : public ChunkedRecording {
   std::vector<std::uint8_t> data_;
   std::unordered_map<std::uint16_t, std::string> schemas_;
   std::unordered_map<std::uint16_t, std::size_t> topic_of_channel_;
-  std::map<std::uint16_t, std::uint64_t> counts_;  // of messages, by channel
+  std::map<std::uint16_t, std::uint64_t> counts_;  // message counts by channel
 };
 
 }  // namespace

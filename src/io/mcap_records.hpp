@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The records of MCAP files, as reader and writer know them. https://mcap.dev/spec
+// MCAP record kinds and sizes, shared by reader and writer. https://mcap.dev/spec
 #pragma once
 #include <cstdint>
 #include <string_view>
@@ -9,7 +9,7 @@ namespace cairn::mcap {
 
 constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);  // at both ends of a file
 constexpr std::uint64_t kHeadSize = 9;                  // bytes of a record's kind and length
-constexpr std::uint64_t kFooterSize = 20;               // bytes, without its head
+constexpr std::uint64_t kFooterSize = 20;               // bytes, without the record head
 
 enum Kind : std::uint8_t {
   kHeader = 1,

@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 using namespace mcap;
 static_assert(std::endian::native == std::endian::little, "numbers are written as they lie in memory");
 
-constexpr std::size_t kChunkSize = std::size_t{1} << 20;  // bytes that a kill costs at most
+constexpr std::size_t kChunkSize = std::size_t{1} << 20;  // bytes, maximum loss if the process is killed
 constexpr const char* kPacking = "zstd";
 
 template <class T>
@@ -40,7 +40,7 @@ void put_record(std::string& to, Kind kind, std::string_view data) {
   put(to, static_cast<std::uint64_t>(data.size()));
   to += data;
 }
-/// Pairs of numbers, one after another.
+/// Writes pairs of numbers with their total size.
 template <class Pairs>
 void put_pairs(std::string& to, const Pairs& pairs) {
   std::string bytes;
@@ -51,10 +51,10 @@ void put_pairs(std::string& to, const Pairs& pairs) {
   put_sized(to, bytes);
 }
 
-/// The magic, and a header that names the library.
+/// Magic, and a header with the library name.
 std::string first_bytes() {
   std::string begin(kMagic), header;
-  put_sized(header, "");  // no profile: topics are named as their user likes
+  put_sized(header, "");  // empty profile: topic names are free
   put_sized(header, "cairn");
   put_record(begin, kHeader, header);
   return begin;
@@ -65,7 +65,7 @@ std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
       crc32_z(before, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
 }
 
-/// The first and the last of some messages.
+/// Time range of a set of messages.
 struct Times {
   std::uint64_t first = ~std::uint64_t{0}, last = 0;
   void add(std::uint64_t time) {
@@ -81,7 +81,7 @@ struct Times {
 }  // namespace
 
 struct McapWriter::State {
-  /// Times of messages, and where they begin in their chunk, by topic.
+  /// By topic: message time, and offset in the chunk.
   using Index = std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>>;
   struct Chunk {
     std::string records;
@@ -96,11 +96,11 @@ struct McapWriter::State {
   fs::path name;
   std::unique_ptr<SystemFile> file;
   std::uint64_t size = 0;  // bytes of the file
-  std::uint32_t crc = 0;   // of these
+  std::uint32_t crc = 0;   // of the bytes written so far
   Chunk chunk;
   Times times;
-  std::vector<std::uint32_t> messages;           // by topic: number i + 1
-  std::string schemas, channels, chunk_indexes;  // records, once more for the summary
+  std::vector<std::uint32_t> messages;           // counts by topic; index i has channel number i + 1
+  std::string schemas, channels, chunk_indexes;  // records repeated in the summary
   std::uint32_t chunks = 0;
 };
 
@@ -130,7 +130,7 @@ void McapWriter::State::write_chunk() {
   std::string bytes, about;
   put_record(bytes, kChunk, data);
   const std::uint64_t length = bytes.size();
-  std::map<std::uint16_t, std::uint64_t> indexes;  // where they begin, by topic
+  std::map<std::uint16_t, std::uint64_t> indexes;  // file offset by topic
   for (const auto& [topic, places] : full.index) {
     indexes[topic] = size + bytes.size();
     std::string index;
@@ -167,7 +167,7 @@ std::string McapWriter::State::statistics() const {
   return data;
 }
 
-/// With the footer, and how the groups of records in it are found.
+/// Builds the summary section with the footer, and the offsets of its record groups.
 std::string McapWriter::State::summary() const {
   std::string bytes, offsets, numbers;
   put_record(numbers, kStatistics, statistics());
@@ -226,7 +226,7 @@ std::uint16_t McapWriter::add(const McapTopic& topic) {
   put(channel, number);
   put_sized(channel, topic.name);
   put_sized(channel, topic.message_encoding);
-  put_sized(channel, "");  // more about it
+  put_sized(channel, "");  // metadata
   for (std::string* to : {&s.chunk.records, &s.schemas}) put_record(*to, kSchema, schema);
   for (std::string* to : {&s.chunk.records, &s.channels}) put_record(*to, kChannel, channel);
   return number;

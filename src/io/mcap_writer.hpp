@@ -9,31 +9,32 @@
 
 namespace cairn {
 
-/// What the messages of a topic are.
+/// Message type of a topic.
 struct McapTopic {
   std::string name;
-  std::string message_encoding;  // "protobuf"
-  std::string schema;            // its name
-  std::string schema_encoding;   // "protobuf"
+  std::string message_encoding;  // for example "protobuf"
+  std::string schema;            // schema name
+  std::string schema_encoding;   // for example "protobuf"
   std::string schema_data;
 };
 
-/// Writes an MCAP file under its own name, chunk by chunk as messages come: a log is of use when its program was
-/// killed. Such a file lacks its summary; players read it all the same, and `mcap recover` writes it whole. Whatever
-/// fails, a file ends with a whole record. https://mcap.dev/spec
+/// Writes an MCAP file under its final name, chunk by chunk, so that the log stays usable if the program is killed.
+/// Such a file lacks the summary; players read it anyway, and `mcap recover` completes it. After any failure the file
+/// still ends with a complete record. https://mcap.dev/spec
 class McapWriter {
  public:
-  /// A new file. Throws std::runtime_error like write_whole, also where there is a file already.
+  /// Creates the file. Throws std::runtime_error like write_whole, also if the file exists.
   explicit McapWriter(const std::filesystem::path& file);
   ~McapWriter();
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
 
-  /// The topic's number.
+  /// Adds a topic and returns its channel number.
   [[nodiscard]] std::uint16_t add(const McapTopic& topic);
-  /// `time`: nanoseconds. Throws std::runtime_error like write_whole; nothing can be written then any more.
+  /// Appends a message; `time` in nanoseconds. Throws std::runtime_error like write_whole; no further write succeeds
+  /// afterwards.
   void write(std::uint16_t topic, std::uint64_t time, std::string_view message);
-  /// Writes what is left, and the summary. Throws std::runtime_error like write_whole.
+  /// Writes the last chunk and the summary. Throws std::runtime_error like write_whole.
   void finish();
 
  private:
@@ -41,7 +42,7 @@ class McapWriter {
   std::unique_ptr<State> state_;
 };
 
-/// By a file's header, which names the library that wrote it.
+/// True if the library name in the file's header is Cairn's.
 [[nodiscard]] bool is_written_by_mcap_writer(const std::filesystem::path& file);
 
 }  // namespace cairn

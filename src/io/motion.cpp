@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Text files of motion beside images, as TUM RGB-D (Sturm et al. 2012) has them.
+// Text files of motion data next to images, in the format of TUM RGB-D (Sturm et al. 2012).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,9 +14,9 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, so that the hand's shaking averages out
+constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, to average out hand shake
 
-/// Lines `timestamp x y z`, in the order of time.
+/// Reads lines `timestamp x y z`, sorted by time.
 std::vector<AngularRate> read_samples(const fs::path& file, const char* axes, double units_per_second) {
   std::vector<AngularRate> samples;
   for_each_line(file, [&](int line, const std::vector<std::string>& words) {
@@ -30,7 +30,8 @@ std::vector<AngularRate> read_samples(const fs::path& file, const char* axes, do
   return samples;
 }
 
-/// The mean of a Kinect's accelerometer, whose y is up and z forward: half a turn about z leads to the camera's frame.
+/// Mean acceleration in the camera frame. A Kinect's accelerometer has y up and z forward: half a turn about z maps to
+/// the camera frame.
 std::optional<Eigen::Vector3d> mean_around(const std::vector<AngularRate>& samples, double timestamp) {
   auto it = std::lower_bound(samples.begin(), samples.end(), timestamp - kAccelerationWindow,
                              [](const AngularRate& a, double t) { return a.timestamp < t; });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// nerfstudio's transforms.json (Tancik et al. 2023) with depth images. Poses are those of OpenGL, x right, y up, z
-// back; the centre of the upper left pixel is (0.5, 0.5).
+// nerfstudio's transforms.json (Tancik et al. 2023) with depth images. Poses use the OpenGL camera: x right, y up, z
+// back. The center of the upper left pixel is (0.5, 0.5).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,11 +26,11 @@ namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 constexpr std::array kColorEndings{".png"sv, ".jpg"sv, ".jpeg"sv, ".JPG"sv, ".PNG"sv, ".JPEG"sv};
 constexpr std::array kDepthEndings{".png"sv, ".npy"sv, ".exr"sv, ".tiff"sv, ".tif"sv};
-constexpr double kFrameRate = 30.0;  // Hz; frames have no time stamps
+constexpr double kFrameRate = 30.0;  // Hz; frames have no timestamps
 constexpr const char* kExpected =
     "`frames` with file_path, depth_file_path and transform_matrix, and fl_x, fl_y, cx, cy, w and h";
 
-/// An object's own field, or the whole file's.
+/// Returns the frame if it has the key, else the top-level object.
 const nlohmann::json& holder(const nlohmann::json& frame, const nlohmann::json& all, const char* key) {
   return frame.contains(key) ? frame : all;
 }
@@ -42,7 +42,7 @@ std::string text_at(const nlohmann::json& object, const char* key) {
   return it->get<std::string>();
 }
 
-/// A file that `transforms.json` names: with separators of Windows, and without its ending, too. Empty: none is there.
+/// Resolves a file named in `transforms.json`, also with Windows separators or without extension; empty if missing.
 fs::path file_named(const fs::path& folder, std::string name, std::span<const std::string_view> endings) {
   std::error_code ignored;
   if (fs::exists(folder / name, ignored)) return folder / name;
@@ -53,17 +53,17 @@ fs::path file_named(const fs::path& folder, std::string name, std::span<const st
   return {};
 }
 
-/// The same, or the place where it should be.
+/// The same, but returns the expected path if the file is missing.
 fs::path place_named(const fs::path& folder, std::string name, std::span<const std::string_view> endings) {
   if (fs::path file = file_named(folder, name, endings); !file.empty()) return file;
   std::replace(name.begin(), name.end(), '\\', '/');
   return folder / name;
 }
 
-/// The lens of a camera, by nerfstudio's names of COLMAP's models.
+/// Reads the lens, from nerfstudio's names of COLMAP's camera models.
 void take_lens(const nlohmann::json& frame, const nlohmann::json& all, Camera& c) {
   const nlohmann::json& says = holder(frame, all, "camera_model");
-  const auto is_fisheye = all.find("is_fisheye");  // of instant-ngp
+  const auto is_fisheye = all.find("is_fisheye");  // instant-ngp's key
   std::string model = "OPENCV";
   if (says.contains("camera_model"))
     model = text_at(says, "camera_model");
@@ -75,7 +75,7 @@ void take_lens(const nlohmann::json& frame, const nlohmann::json& all, Camera& c
     c.lens = Lens::fisheye;
     c.distortion = {d("k1"), d("k2"), d("k3"), d("k4")};
   } else if (std::find(kBrown.begin(), kBrown.end(), model) != kBrown.end()) {
-    // Nerfstudio's k4 is the next power of the radius, which Brown's model as used here has not.
+    // Nerfstudio's k4 is the next power of the radius, unsupported by the Brown-Conrady model used here.
     if (d("k4") != 0) throw std::runtime_error("`k4` is not 0, which only camera_model OPENCV_FISHEYE may have");
     c.distortion = {d("k1"), d("k2"), d("p1"), d("p2"), d("k3")};
   } else {
@@ -84,7 +84,7 @@ void take_lens(const nlohmann::json& frame, const nlohmann::json& all, Camera& c
   }
 }
 
-/// `size`: of the images, where the file tells none.
+/// `size`: image size, used if missing from the file.
 Camera camera_of(const nlohmann::json& frame, const nlohmann::json& all, const Eigen::Vector2i& size) {
   const auto has = [&](const char* key) { return holder(frame, all, key).contains(key); };
   const auto number = [&](const char* key, std::optional<double> usual = {}) {
@@ -95,7 +95,7 @@ Camera camera_of(const nlohmann::json& frame, const nlohmann::json& all, const E
   };
   Camera c{.width = pixels("w", size.x()), .height = pixels("h", size.y())};
   const auto focal = [&](const char* key, const char* angle, int side, std::optional<double> usual) {
-    if (!has(key) && has(angle)) usual = 0.5 * side / std::tan(0.5 * number(angle));  // as Blender tells it
+    if (!has(key) && has(angle)) usual = 0.5 * side / std::tan(0.5 * number(angle));  // Blender's convention
     return number(key, usual);
   };
   c.fx = focal("fl_x", "camera_angle_x", c.width, {});
@@ -126,7 +126,8 @@ struct Shot {
   Eigen::Isometry3d world_from_camera;
 };
 
-/// Meters of a pose's unit: nerfstudio scales poses, but not depth, by `applied_scale`, or within `applied_transform`.
+/// Meters per unit of the poses: nerfstudio scales poses, but not depth, by `applied_scale`, or within
+/// `applied_transform`.
 double meters_of_poses(const nlohmann::json& all) {
   double scale = number_at(all, "applied_scale", 1.0);
   if (const auto it = all.find("applied_transform"); it != all.end() && it->is_array() && it->size() >= 3) {
@@ -139,8 +140,7 @@ double meters_of_poses(const nlohmann::json& all) {
   return std::abs(scale - 1) < 1e-6 ? 1 : 1 / scale;
 }
 
-/// Depth of a frame: the file that it names, or where it names none one of the color image's name in depth/. Empty:
-/// there is none.
+/// Depth file of a frame: the named file, else a file in depth/ with the color image's name; empty if there is none.
 fs::path depth_of(const nlohmann::json& frame, const fs::path& folder) {
   for (const char* key : {"depth_file_path", "depth_path"})
     if (frame.contains(key) && !frame[key].is_null()) return place_named(folder, text_at(frame, key), kDepthEndings);
@@ -155,7 +155,7 @@ fs::path depth_of(const nlohmann::json& frame, const fs::path& folder) {
   return {};
 }
 
-/// What a frame says; its pose is in meters.
+/// Reads a frame, with its pose in meters.
 Shot shot_of(const nlohmann::json& frame, const nlohmann::json& all, const fs::path& folder, double meters,
              Eigen::Vector2i& size) {
   Shot shot;
@@ -171,7 +171,7 @@ Shot shot_of(const nlohmann::json& frame, const nlohmann::json& all, const fs::p
   return shot;
 }
 
-/// Frames with depth, as they were taken: frame_2 comes before frame_10. Structure from motion leaves them in another
+/// Frames with depth, in capture order: frame_2 comes before frame_10. Structure from motion stores them in another
 /// order.
 std::vector<Shot> shots_in(const nlohmann::json& all, const fs::path& folder) {
   const auto frames = all.find("frames");
@@ -216,7 +216,7 @@ void read_frames(const nlohmann::json& json, const fs::path& folder, Recording& 
   }
 }
 
-/// Units of depth in a meter, by nerfstudio's option or instant-ngp's. OpenEXR holds meters where none is told.
+/// Depth units per meter, by nerfstudio's key or instant-ngp's. Without a key, OpenEXR holds meters.
 double depth_scale_of(const nlohmann::json& all, const Recording& recording) {
   for (const char* key : {"depth_unit_scale_factor", "integer_depth_scale"}) {
     if (!all.contains(key)) continue;

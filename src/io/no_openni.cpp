@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// In place of openni_source.cpp where the library is built without OpenNI2.
+// Replaces openni_source.cpp in builds without OpenNI2.
 #include <stdexcept>
 
 #include "io/openni.hpp"

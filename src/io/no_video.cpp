@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// In place of azure_kinect.cpp, stray_scanner.cpp and write_stray_scanner.cpp where the library is built without
-// FFmpeg.
+// Replaces azure_kinect.cpp, stray_scanner.cpp and write_stray_scanner.cpp in builds without FFmpeg.
 #include <stdexcept>
 
 #include "io/azure_kinect.hpp"

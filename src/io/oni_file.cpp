@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The records of OpenNI's recordings, as Source/Drivers/OniFile/DataRecords.h of OpenNI2 tells them.
+// Records of OpenNI recordings, as defined in Source/Drivers/OniFile/DataRecords.h of OpenNI2.
 #include "io/oni_file.hpp"
 
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ constexpr std::uint32_t kLeastSide = 16, kMostSide = 4096;  // pixels of an imag
 constexpr std::size_t kSeekEntry = 20;                      // time, number, place
 
 enum Kind : std::uint32_t {
-  kNodeAdded4 = 0x02,  // as format 1.0.0.4 has it, and 5
+  kNodeAdded4 = 0x02,  // format 1.0.0.4; kNodeAdded5: 1.0.0.5
   kIntProperty,
   kRealProperty,
   kStringProperty,
@@ -32,7 +32,7 @@ enum Kind : std::uint32_t {
   kStateReady,
   kNewData,
   kEnd,
-  kNodeAdded5,
+  kNodeAdded5,  // format 1.0.0.5
   kNodeAdded,
   kSeekTable
 };
@@ -45,7 +45,7 @@ T number_at(std::string_view bytes, std::size_t at) {
   return value;
 }
 
-/// The text of a length and that many bytes, of which the last is 0; moves to what comes after it.
+/// Reads a length and a text of as many bytes, the last of them 0; advances past the text.
 std::string_view text_in(std::string_view& fields) {
   const auto length = number_at<std::uint32_t>(fields, 0);
   if (length == 0 || length > fields.size() - 4 || fields[4 + length - 1] != '\0')
@@ -81,7 +81,7 @@ void check_fields(std::uint32_t kind, std::string_view fields) {
     case kNodeAdded5:
     case kNodeAdded:
       (void)text_in(fields);
-      // Its kind and codec; then how many frames, from when to when; then the place of its seek table.
+      // Kind and codec; number of frames, first and last time; position of the seek table.
       if (fields.size() != (kind == kNodeAdded ? 36u : kind == kNodeAdded5 ? 28u : 8u))
         throw std::runtime_error("a node is not of its size");
       return;
@@ -107,7 +107,7 @@ class OniFile {
   }
 
   void check() {
-    if (size_ < kFileHeader) return;  // cut off: OpenNI2 tells
+    if (size_ < kFileHeader) return;  // truncated: OpenNI2 reports the error
     const std::string_view header = read(kFileHeader);
     if (!header.starts_with("NI10")) throw std::runtime_error("it is no OpenNI recording");
     if (number_at<std::uint32_t>(header, 20) > kMostNodes) throw std::runtime_error("it has too many nodes");
@@ -118,7 +118,7 @@ class OniFile {
   [[nodiscard]] std::uint64_t at() const { return at_; }
 
  private:
-  /// Returns false at the last one.
+  /// Returns false at the last record.
   bool check_record() {
     const std::string_view header = read(kRecordHeader);
     const auto magic = number_at<std::uint32_t>(header, 0), kind = number_at<std::uint32_t>(header, 4),
@@ -128,7 +128,7 @@ class OniFile {
     if (fields < kRecordHeader || fields > kMostFields || payload > kMostPayload)
       throw std::runtime_error("a record has a size that cannot be");
     if (kind != kEnd && node > kMostNodes) throw std::runtime_error("a record belongs to no node");
-    if (size_ - at_ < std::uint64_t{fields} + payload) return false;  // cut off
+    if (size_ - at_ < std::uint64_t{fields} + payload) return false;  // truncated
     check_fields(kind, read(fields - kRecordHeader));
     if (kind == kSeekTable) check_seek_table(payload);
     at_ += std::uint64_t{fields} + payload;

@@ -5,8 +5,8 @@
 
 namespace cairn {
 
-/// Walks through the records of an .oni file before OpenNI2 does, which believes every size and name in it. Throws
-/// std::runtime_error with the place of what cannot be; a file that just ends early is fine.
+/// Validates the records of an .oni file before OpenNI2 reads it, because OpenNI2 trusts every size and name. Throws
+/// std::runtime_error with the position of an invalid record; truncated files are accepted.
 void check_oni(const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -32,12 +32,12 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr float kFarthest = 1000;  // metres; what stands beyond is "nothing measured" in images of floats
-/// Pixels that a frame's own camera may differ from the recording's without being turned into it: 0.6 mm at 3 m and 525
-/// pixels, below what depth cameras resolve, while turning smooths depth and takes time.
+constexpr float kFarthest = 1000;  // meters; larger values in float images mean "no measurement"
+/// Pixel difference of a frame's own camera from the recording's below which it is not resampled: 0.6 mm at 3 m and 525
+/// pixels, below the resolution of depth cameras, while resampling smooths depth and takes time.
 constexpr double kNegligible = 0.1;
 
-/// A folder in this one that holds depth images or a list of them.
+/// Returns a subfolder that holds depth images or a list of them.
 std::optional<fs::path> recording_below(const fs::path& folder) {
   std::error_code ignored;
   std::vector<fs::path> found;
@@ -49,7 +49,7 @@ std::optional<fs::path> recording_below(const fs::path& folder) {
   return first == found.end() ? std::nullopt : std::optional(*first);
 }
 
-/// Sorts frames and poses that are listed in another order than that of time.
+/// Sorts frames and poses by time.
 void sort_by_time(Recording& recording) {
   const auto earlier = [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; };
   std::stable_sort(recording.truth.begin(), recording.truth.end(), earlier);
@@ -90,20 +90,20 @@ Recording read_recording(const fs::path& folder) {
                            "(rosbag2)");
 }
 
-/// What the files tell, with the camera, unit and rate that settle_camera() decides.
+/// Reads the folder's files, with the camera, unit and rate decided by settle_camera().
 Recording read_settled(const fs::path& folder, const fs::path& camera) {
   Recording recording = read_recording(folder);
   settle_camera(folder, camera, recording);
   if (!recording.is_plain) return recording;
   try {
     add_motion(folder, recording);
-  } catch (const std::runtime_error& error) {  // of somebody else's format
+  } catch (const std::runtime_error& error) {  // file of another program's format
     recording.warnings.push_back(fmt::format("{}: the file is not used", error.what()));
   }
   return recording;
 }
 
-/// And what some images tell where the files do not.
+/// Adds the properties found in sample images but missing from the files.
 Recording understand(const fs::path& folder, const fs::path& camera) {
   Recording recording = read_settled(folder, camera);
   see_images(recording);
@@ -124,7 +124,7 @@ struct SizedImage {
   fs::path file;
   Eigen::Vector2i size;
 };
-/// The first of the size that most of some colour images have; nothing where none can be read.
+/// First image with the most common size among some color images; empty if none is readable.
 std::optional<SizedImage> usual_colour(const std::vector<Recording::Entry>& entries) {
   constexpr std::size_t kLookedAt = 5;
   std::vector<const fs::path*> files;
@@ -132,7 +132,7 @@ std::optional<SizedImage> usual_colour(const std::vector<Recording::Entry>& entr
     if (!entry.colour.empty()) files.push_back(&entry.colour);
   std::vector<std::pair<SizedImage, int>> sizes;
   for (std::size_t k = 0, read = 0; k < files.size() && read < kLookedAt; ++k) {
-    // Spread over all where they can be read, one after another where they cannot.
+    // Evenly spread if readable, else one after another.
     const std::size_t at = files.size() > kLookedAt && k < kLookedAt ? (files.size() - 1) * k / (kLookedAt - 1) : k;
     const auto size = size_of_image(*files[at]);
     if (!size) continue;
@@ -148,8 +148,7 @@ std::optional<SizedImage> usual_colour(const std::vector<Recording::Entry>& entr
   return most == sizes.end() ? std::nullopt : std::optional(most->first);
 }
 
-/// A layout that tells of no colour camera has colour on depth: as seen from there, perhaps in another number of
-/// pixels.
+/// Color size for layouts without a color camera: color is registered to depth, perhaps with another number of pixels.
 void find_colour_size(Recording& recording) {
   const Camera& depth = recording.rig.depth;
   if (recording.rig.colour) return;
@@ -178,7 +177,7 @@ class RecordingSource final : public Source {
  public:
   RecordingSource(Recording recording, const FrameRange& range, bool depth_only = false)
       : recording_(std::move(recording)), range_(range), depth_only_(depth_only) {
-    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors go into Frame::problem
     find_colour_size(recording_);
     depth_of_ = recording_.rig.depth, colour_of_ = recording_.rig.colour_view();
     end_ = static_cast<int>(recording_.entries.size());
@@ -232,14 +231,14 @@ class RecordingSource final : public Source {
       if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
       if (recording_.colour_of) frame.colour = recording_.colour_of(frame.index);
       frame.colour_delay = entry.colour_delay;
-    } catch (const std::exception& error) {  // depth alone is still a frame
+    } catch (const std::exception& error) {  // frames without color are still valid
       if (++colourless_ == 1) first_colourless_ = fmt::format("{}: {}", entry.colour.string(), error.what());
     }
     return frame;
   }
 
  private:
-  /// At the end, once.
+  /// Warns at the end, once.
   void tell_colourless() {
     if (colourless_ > 0)
       spdlog::warn("{} of {} colour images are left out, their frames have depth alone; the first: {}", colourless_,
@@ -247,7 +246,7 @@ class RecordingSource final : public Source {
     colourless_ = 0;
   }
 
-  /// Frames of one camera follow each other.
+  /// Sets up resampling if the camera differs from the previous frame's.
   void set_camera_of(const Recording::Entry& entry) {
     if (entry.camera == camera_ || (entry.camera && camera_ && *entry.camera == *camera_)) return;
     camera_ = entry.camera;
@@ -259,7 +258,7 @@ class RecordingSource final : public Source {
     turned_depth_ = Resampler(recording_.rig.depth, depth_of_, kNegligible);
     turned_colour_ = Resampler(recording_.rig.colour_view(), colour_of_, kNegligible);
   }
-  /// Pixels of a frame's images whose camera has another size than the recording's: as many for each of its own.
+  /// Image size for a frame's camera, scaled by its size relative to the first frame's camera.
   [[nodiscard]] Eigen::Vector2i own_size(const Camera& camera, const Camera& usual) const {
     const Camera& all = *recording_.entries[0].camera;
     const auto side = [](int own, int its, int of) {
@@ -268,14 +267,14 @@ class RecordingSource final : public Source {
     return {side(camera.width, usual.width, all.width), side(camera.height, usual.height, all.height)};
   }
 
-  /// The size of depth images as they are stored: those of the frame's camera, or enlarged.
+  /// Stored size of depth images: the camera's, or larger if the images were enlarged.
   [[nodiscard]] cv::Size stored_size() const {
     const auto& [stored, columns, rows] = recording_.blocks;
     if (columns.empty()) return {depth_of_.width, depth_of_.height};
     return {stored.x(), stored.y()};
   }
 
-  /// `image` at its true resolution. Throws where it has another size than it should.
+  /// Returns `image` at its true resolution. Throws if the size differs from the expected size.
   [[nodiscard]] cv::Mat at_true_size(const cv::Mat& image, const char* what) const {
     const Camera& c = depth_of_;
     const auto& [stored, columns, rows] = recording_.blocks;
@@ -319,7 +318,7 @@ class RecordingSource final : public Source {
         const auto* row = image.ptr<float>(y);
         for (int x = 0; x < c.width; ++x) {
           const float z = row[x] * metres;
-          out[x] = z > 0 && z < kFarthest ? z : 0.0f;  // not of NaN
+          out[x] = z > 0 && z < kFarthest ? z : 0.0f;  // also drops NaN
         }
       }
       any = any || std::any_of(out, out + c.width, [](float z) { return z > 0; });
@@ -355,16 +354,16 @@ class RecordingSource final : public Source {
   FrameRange range_;
   bool depth_only_;
   int next_ = 0, end_ = 0;
-  std::shared_ptr<const Camera> camera_;  // of the frame that is read
-  Camera depth_of_, colour_of_;           // its images'
+  std::shared_ptr<const Camera> camera_;  // camera of the current frame
+  Camera depth_of_, colour_of_;           // cameras of its images
   Resampler turned_depth_, turned_colour_;
-  std::size_t gyro_ = 0;  // the first sample that no frame has had
+  std::size_t gyro_ = 0;  // first sample not yet assigned to a frame
   double last_timestamp_ = -INFINITY;
-  int colourless_ = 0;  // frames whose colour image could not be used
+  int colourless_ = 0;  // frames with an unusable color image
   std::string first_colourless_;
 };
 
-/// A pose by time for a field of each frame.
+/// Sets a pose field of each frame by its time.
 class WithPoses final : public WrappedSource {
  public:
   using Field = std::optional<Eigen::Isometry3d> Frame::*;

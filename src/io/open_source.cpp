@@ -26,7 +26,7 @@ namespace {
 
 constexpr std::string_view kSensor = "openni:";
 
-/// A range of a source that can only be read in order.
+/// Frame range of a source that only supports sequential reading.
 class InRange final : public WrappedSource {
  public:
   InRange(std::unique_ptr<Source> source, const FrameRange& range)
@@ -39,7 +39,7 @@ class InRange final : public WrappedSource {
   }
   std::optional<Frame> next() override {
     if (range_.end && next_ >= *range_.end) return std::nullopt;
-    std::vector<AngularRate> gyro;  // of the frames that are passed over
+    std::vector<AngularRate> gyro;  // samples of the skipped frames
     while (auto frame = source_->next()) {
       if (read_++ == next_) {
         next_ += range_.step;
@@ -56,7 +56,7 @@ class InRange final : public WrappedSource {
   int read_ = 0, next_;
 };
 
-/// A source whose cameras somebody knows better.
+/// Source with cameras given by the user.
 class WithCameras final : public WrappedSource {
  public:
   WithCameras(std::unique_ptr<Source> source, const Rig& rig) : WrappedSource(std::move(source)), rig_(rig) {}
@@ -69,12 +69,12 @@ class WithCameras final : public WrappedSource {
   Rig rig_;
 };
 
-/// The frames of what lies in an archive.
+/// Frames of a recording in an archive.
 class ZipSource final : public WrappedSource {
  public:
   ZipSource(std::shared_ptr<const UnpackedZip> zip, std::unique_ptr<Source> source)
       : WrappedSource(std::move(source)), zip_(std::move(zip)) {}
-  ~ZipSource() override { source_.reset(); }  // before its files go
+  ~ZipSource() override { source_.reset(); }  // before its files are removed
   std::string layout() const override { return source_->layout() + ", packed as .zip"; }
   std::optional<std::string> ended_early() const override { return named(source_->ended_early()); }
   std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
@@ -93,7 +93,7 @@ class ZipSource final : public WrappedSource {
   std::shared_ptr<const UnpackedZip> zip_;
 };
 
-/// The frames of a part of a recording.
+/// Frames of a recording segment.
 class PartSource final : public WrappedSource {
  public:
   PartSource(std::unique_ptr<Source> source, std::string part)
@@ -148,7 +148,7 @@ bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); 
 
 namespace {
 
-/// Of a part whose recording has another camera than its plan.
+/// Resamples frames of a segment recorded with another camera than its project's.
 std::unique_ptr<Source> as_plan_needs(const std::string& part, std::unique_ptr<Source> source) {
   const Rig rig = read_rig(std::filesystem::path(part) / kPartCamera);
   try {

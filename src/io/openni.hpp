@@ -14,8 +14,9 @@ struct OpenNiOptions {
   std::filesystem::path copy_to;  // see SourceOptions
 };
 
-/// A sensor by its OpenNI2 URI, the first one for an empty URI, or an .oni file. Depth is registered to colour by the
-/// device, or colour to depth here. Throws std::runtime_error with what is missing and what to install or allow.
+/// Opens a sensor by its OpenNI2 URI (empty: the first sensor), or an .oni file. Depth is registered to color by the
+/// device, or color to depth here. Throws std::runtime_error with the missing part and the package or permission
+/// needed.
 [[nodiscard]] std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions& options = {});
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// OpenNI2: sensors (PrimeSense, Xtion, the first Kinect) and recordings (.oni); the only door to it.
+// OpenNI2: sensors (PrimeSense, Xtion, the first Kinect) and recordings (.oni). The only file with OpenNI2 calls.
 #include <OpenNI.h>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
@@ -22,10 +22,10 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kPatience = 2000;         // milliseconds without an image after which a stream has ended
-constexpr double kHalfAFrame = 0.0175;  // seconds: a colour image that is farther from the depth image has its own
+constexpr int kPatience = 2000;         // milliseconds without an image until a stream counts as ended
+constexpr double kHalfAFrame = 0.0175;  // seconds; a more distant color image belongs to another depth image
 
-/// The library, for as long as the program runs.
+/// Initializes the library until the end of the program.
 void start_openni() {
   struct Library {
     Library() {
@@ -38,7 +38,7 @@ void start_openni() {
   static const Library library;
 }
 
-/// Whether a sensor that OpenNI2 knows is plugged in, as the kernel tells.
+/// True if the kernel lists a sensor supported by OpenNI2.
 bool is_plugged_in() {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator("/sys/bus/usb/devices", ignored)) {
@@ -75,7 +75,7 @@ class Unplugged final : public openni::OpenNI::DeviceDisconnectedListener {
   std::atomic<bool> happened_ = false;
 };
 
-/// Chooses 640x480 at 30 Hz in the wanted format where the sensor has it; the mode stays as it is otherwise.
+/// Selects 640x480 at 30 Hz in the given format if the sensor supports it; keeps the current mode if not.
 void choose_mode(openni::VideoStream& stream, openni::PixelFormat format) {
   const auto& modes = stream.getSensorInfo().getSupportedVideoModes();
   for (int i = 0; i < modes.getSize(); ++i)
@@ -89,7 +89,7 @@ void choose_mode(openni::VideoStream& stream, openni::PixelFormat format) {
 Camera camera_of(const openni::VideoStream& depth, const std::string& name) {
   const auto mode = depth.getVideoMode();
   const double w = mode.getResolutionX(), h = mode.getResolutionY();
-  // OpenNI2 measures from the image's corner (CoordinateConverter), so its middle is half a pixel before ours.
+  // OpenNI2 measures from the image corner (CoordinateConverter), so its center is half a pixel before ours.
   Camera camera{.width = mode.getResolutionX(), .height = mode.getResolutionY(), .cx = w / 2, .cy = h / 2};
   camera.fx = w / 2 / std::tan(depth.getHorizontalFieldOfView() / 2.0);
   camera.fy = h / 2 / std::tan(depth.getVerticalFieldOfView() / 2.0);
@@ -106,14 +106,14 @@ Camera camera_of(const openni::VideoStream& depth, const std::string& name) {
 
 double seconds(const openni::VideoFrameRef& image) { return static_cast<double>(image.getTimestamp()) * 1e-6; }
 
-/// Whether the image has the bytes that its size asks for: a file may say anything.
+/// True if the data covers the image size: a file may declare any size.
 bool is_whole(const openni::VideoFrameRef& image, int bytes_per_pixel) {
   const std::int64_t width = image.getWidth(), height = image.getHeight(), stride = image.getStrideInBytes();
   return width > 0 && height > 0 && stride >= width * bytes_per_pixel && image.getData() != nullptr &&
          stride * (height - 1) + width * bytes_per_pixel <= image.getDataSize();
 }
 
-/// `pixel(source row, source column)` of each pixel; the source is turned where the stream is mirrored.
+/// Returns `pixel(source row, source column)` for each pixel; mirrored streams are flipped.
 template <class T, class Pixel>
 std::vector<T> pixels_of(const openni::VideoFrameRef& image, bool mirrored, Pixel&& pixel) {
   const int w = image.getWidth(), h = image.getHeight();
@@ -127,7 +127,7 @@ std::vector<T> pixels_of(const openni::VideoFrameRef& image, bool mirrored, Pixe
   return pixels;
 }
 
-/// Metres.
+/// Depth in meters.
 std::vector<float> depth_of(const openni::VideoFrameRef& image, bool mirrored, float unit) {
   return pixels_of<float>(image, mirrored, [unit](const std::uint8_t* row, int x) {
     std::uint16_t z;
@@ -143,7 +143,7 @@ std::vector<std::uint32_t> colour_of(const openni::VideoFrameRef& image, bool mi
   });
 }
 
-/// The last few colour images.
+/// Buffer of the latest color images.
 class ColourImages {
  public:
   struct Image {
@@ -154,11 +154,11 @@ class ColourImages {
     images_.push_back(std::move(image));
     if (images_.size() > 4) images_.pop_front();
   }
-  /// Whether one that comes later will not be nearer to this time than those that are there.
+  /// True if no later image can be closer to this time than the buffered ones.
   [[nodiscard]] bool reach(double timestamp) const {
     return !images_.empty() && images_.back().timestamp >= timestamp - kHalfAFrame;
   }
-  /// The nearest in time; none if it is that of another depth image.
+  /// Returns the image closest in time; null if it belongs to another depth image.
   [[nodiscard]] const Image* nearest(double timestamp) const {
     const Image* nearest = nullptr;
     for (const Image& image : images_)
@@ -211,7 +211,7 @@ class OpenNiSource final : public Source {
   std::optional<std::string> ended_early() const override { return ended_early_; }
   int dropped() const override { return dropped_; }
 
-  /// A depth image waits for the colour image that is nearest in time; that comes before it or soon after.
+  /// Each depth image waits for the color image closest in time, before or shortly after it.
   std::optional<Frame> next() override {
     while (!may_deliver()) at_end_ = !read_image();
     if (waiting_.empty()) return std::nullopt;
@@ -223,7 +223,7 @@ class OpenNiSource final : public Source {
   }
 
  private:
-  /// Waits for an image and takes it. Returns false when none will come any more.
+  /// Waits for an image and stores it. Returns false at the end of the stream.
   bool read_image() {
     if (frames_ > 0 && read_ == frames_) return false;
     openni::VideoStream* streams[] = {&depth_, &colour_};
@@ -252,7 +252,7 @@ class OpenNiSource final : public Source {
     throw std::runtime_error("openni:" + name_ + ": cannot be opened; is another program using it? " + said);
   }
 
-  /// Nothing: at its end.
+  /// Empty at the regular end.
   [[nodiscard]] std::optional<std::string> why_ended() const {
     if (unplugged_->happened()) return name_ + ": the sensor was unplugged";
     if (!device_.isFile()) return name_ + ": the sensor gave no image for two seconds";
@@ -273,7 +273,7 @@ class OpenNiSource final : public Source {
   }
 
   void prepare_file(openni::PlaybackControl& playback) {
-    (void)playback.setSpeed(-1);  // an image is read when it is asked for
+    (void)playback.setSpeed(-1);  // read on demand
     (void)playback.setRepeatEnabled(false);
     frames_ = playback.getNumberOfFrames(depth_);
     if (frames_ == 0) throw std::runtime_error(name_ + ": holds no depth image");
@@ -348,12 +348,12 @@ class OpenNiSource final : public Source {
   std::optional<Unplugged> unplugged_;
   Rig rig_;
   bool has_colour_ = false, registered_ = false, at_end_ = false;
-  float metres_ = 1e-3f;  // of a unit of depth
-  int frames_ = 0;        // of a file; -1: it does not tell
+  float metres_ = 1e-3f;  // per depth unit
+  int frames_ = 0;        // of a file; -1: unknown
   int read_ = 0, delivered_ = 0;
   std::atomic<int> dropped_ = 0;
   std::optional<int> last_index_;
-  std::deque<Frame> waiting_;  // for colour
+  std::deque<Frame> waiting_;  // for color
   ColourImages colour_images_;
   std::optional<std::string> ended_early_;
 };

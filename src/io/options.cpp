@@ -22,7 +22,7 @@
 namespace cairn {
 namespace {
 
-/// Calls `visit(name, field, range, unit)` for every option: the one list of names, ranges and units.
+/// Calls `visit(name, field, range, unit)` for every option: the single list of names, ranges and units.
 template <class Visit>
 void for_each_option(Options& o, Visit&& visit) {
   visit("surface.min_depth", o.surface.min_depth, AllowedRange{0.01, 10.0}, Unit::metres);
@@ -59,7 +59,7 @@ void for_each_option(Options& o, Visit&& visit) {
   visit("fuse.device_memory", o.fuse.device_memory, AllowedRange{0.0, 1e15}, Unit::bytes);
 }
 
-/// A value as it is typed, compared with the bounds before it is rounded.
+/// Parses a value and checks the bounds before rounding.
 template <class T>
 void set(T& field, const YAML::Node& node, const std::string& name, const AllowedRange& range, Unit unit) {
   const std::string text = node.IsScalar() ? node.Scalar() : "";
@@ -78,7 +78,7 @@ void set(T& field, const YAML::Node& node, const std::string& name, const Allowe
   field = static_cast<T>(*value);
 }
 
-constexpr float kVoxels = 4, kSigmas = 2.5f, kAtDepth = 2;  // of the truncation; metres
+constexpr float kVoxels = 4, kSigmas = 2.5f, kAtDepth = 2;  // truncation: voxels, noise sigmas at kAtDepth m
 
 }  // namespace
 

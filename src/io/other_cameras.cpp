@@ -22,7 +22,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 constexpr std::uintmax_t kMostText = 1 << 20;  // bytes of a settings file
-constexpr double kNoFactor = 1e-5;             // ORB-SLAM takes a smaller DepthMapFactor for 1
+constexpr double kNoFactor = 1e-5;             // ORB-SLAM replaces a smaller DepthMapFactor by 1
 
 // ORB-SLAM
 
@@ -61,13 +61,13 @@ Camera camera_of_settings(const YAML::Node& y, const std::string& prefix) {
 // COLMAP
 
 constexpr int kNone = -1;
-/// Parameters of a model in their order, by the place of each in fx, fy, cx, cy and the distortion. A single focal
-/// length has the place of fx, and `one_focal` is set.
+/// Parameters of a camera model: their number, and the target index of each distortion parameter. A single focal length
+/// is stored in fx, and `one_focal` is set.
 struct ColmapModel {
   std::string_view name;
   bool one_focal;
   Lens lens;
-  std::array<int, 8> distortion;  // of Camera::distortion, in the order of the parameters after cy
+  std::array<int, 8> distortion;  // indices in Camera::distortion, in the order of the parameters after cy
   std::size_t parameters;
 };
 constexpr std::array kModels{ColmapModel{"SIMPLE_PINHOLE", true, Lens::brown_conrady, {}, 3},

@@ -28,10 +28,10 @@ constexpr std::string_view kPlanKind = "cairn plan";
 constexpr std::string_view kRemedy = "remove it, and make it again with `cairn plan`";
 constexpr int kMost = std::numeric_limits<int>::max();
 
-/// Three digits or more.
+/// Segment name, three digits or more.
 std::string name_of_part(std::size_t number) { return fmt::format("{:03}", number); }
 
-/// As a plan keeps it.
+/// Recording name as stored in a project.
 std::string whole_name(const std::string& recording) {
   if (is_sensor(recording))
     throw std::runtime_error(recording +
@@ -47,7 +47,7 @@ std::string whole_name(const std::string& recording) {
   return whole;
 }
 
-/// A colour camera that has to be found is not looked for: what is found differs from recording to recording.
+/// Opens without color camera calibration, because its result differs between recordings.
 std::unique_ptr<Source> opened(const std::string& recording) {
   return open_source(recording, {.find_colour_camera = false});
 }
@@ -59,14 +59,14 @@ int frames_of(Source& source) {
   return frames;
 }
 
-/// The recording whose cameras the plan's map has, with them.
+/// Cameras of the project's map, and the recording that defines them.
 struct Cameras {
   std::string recording;
   Rig rig;
 };
 
-/// The first that the plan has, or else will have; one of its camera that is asked for now before another, which may be
-/// elsewhere.
+/// Returns the cameras of the project's first recording with the project's camera. A recording among `names` is
+/// preferred, because other recordings may be unavailable now.
 Cameras cameras_of(const PartsPlan& plan, const std::vector<std::string>& names) {
   const auto has = [&](const std::string& name) {
     return std::ranges::any_of(plan.recordings,
@@ -79,12 +79,12 @@ Cameras cameras_of(const PartsPlan& plan, const std::vector<std::string>& names)
   return {name, opened(name)->rig()};
 }
 
-/// Cuts the last recording: parts of equal length, which is `frames_per_part` and the overlap at most.
+/// Splits the last recording into segments of equal length, at most `frames_per_part` plus the overlap.
 void cut_last(PartsPlan& plan) {
   const std::size_t recording = plan.recordings.size() - 1;
   const int frames = plan.recordings[recording].frames;
   const std::int64_t steps =
-      std::max(0, frames - plan.overlap);  // from the first part's begin to behind the last one's
+      std::max(0, frames - plan.overlap);  // from the first segment's begin to the end of the last segment
   const std::int64_t count = std::max<std::int64_t>(1, (steps + plan.frames_per_part - 1) / plan.frames_per_part);
   for (std::int64_t i = 0; i < count; ++i) {
     const auto begin = steps * i / count, end = steps * (i + 1) / count + plan.overlap;
@@ -95,7 +95,7 @@ void cut_last(PartsPlan& plan) {
   }
 }
 
-/// Throws where its frames cannot be turned into what the plan's cameras would have taken.
+/// Throws if the frames cannot be resampled into the project's cameras.
 void check_can_be_turned(std::unique_ptr<Source> source, const std::string& name, const Cameras& cameras) {
   std::string why = "its colour camera lies otherwise by less than can be told";
   try {
@@ -144,7 +144,7 @@ void write_json(const fs::path& file, const Json& json, Durable durable) {
   write_changed(file, json.dump(2) + "\n", durable);
 }
 
-/// The file of the plan's camera, beside parts of recordings of others.
+/// Path of the project's camera file, next to segments of recordings with another camera.
 fs::path camera_file(const fs::path& folder, const PartsPlan::Part& part) {
   return folder / "parts" / part.name / kPartCamera;
 }
@@ -154,7 +154,7 @@ std::string text_of(Rig rig) {
   return camera_file_text({.rig = rig, .depth_scale = {}});
 }
 
-/// Throws where the plan had another camera before.
+/// Throws if the project had another camera before.
 void check_stays(const PartsPlan& plan, const fs::path& folder, const Cameras& cameras) {
   for (const auto& part : plan.parts) {
     const fs::path file = camera_file(folder, part);
@@ -167,7 +167,7 @@ void check_stays(const PartsPlan& plan, const fs::path& folder, const Cameras& c
   }
 }
 
-/// plan.json comes last: what it tells of is there.
+/// plan.json is written last, so every file it lists exists.
 void write(const PartsPlan& plan, const fs::path& folder, const Rig& rig) {
   Json recordings = Json::array(), parts = Json::array();
   for (const auto& r : plan.recordings) {
@@ -205,7 +205,7 @@ void check(const PartsPlan& options) {
                     options.overlap, options.frames_per_part));
 }
 
-/// The plan that is there, or an empty one.
+/// Returns the existing project, or an empty one.
 PartsPlan begun(const fs::path& folder, const PartsPlan& options) {
   if (fs::exists(folder / kPlanFile)) {
     PartsPlan plan = read_plan(folder);
@@ -263,7 +263,7 @@ PartsPlan read_plan(const fs::path& folder) {
 PartsPlan plan_parts(const std::vector<std::string>& recordings, const fs::path& folder, const PartsPlan& options) {
   check(options);
   PartsPlan plan = begun(folder, options);
-  std::vector<std::string> names;  // each once
+  std::vector<std::string> names;  // without duplicates
   for (const std::string& recording : recordings)
     if (std::string name = whole_name(recording); std::ranges::find(names, name) == names.end())
       names.push_back(std::move(name));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Raw data of Polycam (iPhones and iPads with LiDAR): keyframes with a camera each, whose poses are ARKit's, or after
-// its bundle adjustment `corrected`.
+// Polycam raw data (iPhones and iPads with LiDAR): keyframes, each with its own camera. Poses are ARKit's, or those
+// after Polycam's bundle adjustment (`corrected`).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,11 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::string_view kCameraEnding = ".json";
-constexpr double kMicroseconds = 1e-6;  // of the numbers that frames have as names
-constexpr double kFrameRate = 4;        // Hz, of keyframes without such names
+constexpr double kMicroseconds = 1e-6;  // seconds per unit of the numbers in frame names
+constexpr double kFrameRate = 4;        // Hz, for keyframes without times as names
 constexpr const char* kExpected = "Polycam's camera with fx, fy, cx, cy, width, height and t_00 to t_23";
 
-constexpr double kMostConfidence = 108;  // levels are 0, 54 and 255: the middle one becomes that of ARKit, 128 of 255
+constexpr double kMostConfidence =
+    108;  // levels are 0, 54 and 255; scaling maps the middle level to ARKit's, 128 of 255
 
 struct Folders {
   fs::path cameras, color, depth;
@@ -38,7 +39,8 @@ bool is_camera(const fs::path& file) {
          std::string_view::npos;
 }
 
-/// Those after the app's adjustment, where they are there; others have folders of these names, too.
+/// Returns the folders with the app's adjusted poses if present, after checking a camera file, because other programs
+/// use these folder names too.
 std::optional<Folders> folders_in(const fs::path& keyframes) {
   std::error_code ignored;
   for (const std::string prefix : {"corrected_", ""}) {
@@ -90,7 +92,7 @@ Keyframe read_keyframe(const fs::path& file) {
   return read;
 }
 
-/// Adds the keyframes that have depth, in the order of their names; returns how many have none.
+/// Adds the keyframes with depth, sorted by name; returns the number of keyframes without depth.
 int add_keyframes(const Folders& folders, const fs::path& keyframes, Recording& recording,
                   std::vector<Camera>& cameras) {
   const auto depth = by_stem(depth_images_in(folders.depth)), color = by_stem(images_in(folders.color)),

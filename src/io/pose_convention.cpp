@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-/// A unit vector by its name, x, -y and so on; zero for another name.
+/// Returns a unit vector by its name, x, -y and so on; zero for other names.
 Eigen::Vector3d axis_of(std::string_view name) {
   double sign = 1;
   if (name.starts_with('-') || name.starts_with('+')) {
@@ -67,7 +67,7 @@ std::runtime_error no_convention(std::string_view text, const std::string& why) 
       shown(text), why));
 }
 
-/// A text that is taken apart, each kind of part once.
+/// Parser of a convention text; each kind of part may occur once.
 class Parsed {
  public:
   explicit Parsed(std::string_view text) : text_(text), parts_(split(text)) {

@@ -7,8 +7,8 @@
 
 namespace cairn {
 
-/// The pose that a row-major 4x4 or 3x4 matrix holds, its rotation made exact; nothing for one that is not finite, lies
-/// farther away than 1e6 m, or turns and stretches.
+/// Converts a row-major 4x4 or 3x4 matrix to a pose, with the rotation orthonormalized; empty if the matrix is not
+/// finite, its translation exceeds 1e6 m, or its linear part is no rotation within 2 %.
 [[nodiscard]] inline std::optional<Eigen::Isometry3d> pose_of_rows(std::span<const double> numbers) {
   constexpr double kMostStretch = 0.02, kFarthest = 1e6;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -22,7 +22,8 @@ namespace cairn {
   return pose;
 }
 
-/// From Cairn's camera to OpenGL's and ARKit's, x right, y up, z back: half a turn about x.
+/// Returns the transform from Cairn's camera frame to OpenGL's and ARKit's (x right, y up, z back): half a turn about
+/// x.
 [[nodiscard]] inline Eigen::Isometry3d opengl_from_camera() {
   Eigen::Isometry3d turn = Eigen::Isometry3d::Identity();
   turn.linear().diagonal() = Eigen::Vector3d(1, -1, -1);

@@ -19,7 +19,7 @@ std::string_view trimmed(std::string_view text) {
   return first == text.npos ? "" : text.substr(first, text.find_last_not_of(kSpace) + 1 - first);
 }
 
-/// Throws what is wrong with the line.
+/// Parses a point. Throws std::runtime_error with the error in the line.
 Eigen::Vector3f read_point(std::string_view line) {
   std::vector<float> values;
   while (true) {

@@ -56,7 +56,7 @@ class ReadAhead final : public WrappedSource {
   std::deque<Frame> frames_;
   std::exception_ptr error_;
   bool ended_ = false;
-  std::jthread thread_;  // last: it uses the others
+  std::jthread thread_;  // declared last, because the thread uses the other members
 };
 
 }  // namespace

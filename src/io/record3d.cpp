@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What Record3D (iPhones and iPads) exports as EXR and JPG: depth in metres and colour by the numbers of their frames,
-// and metadata.json. Poses are ARKit's: the world's y up, the camera's axes OpenGL's.
+// Record3D exports (iPhones and iPads) as EXR and JPG: depth in meters and color, named by frame number, and
+// metadata.json. Poses are ARKit's: world y up, camera axes as in OpenGL.
 #include "io/record3d.hpp"
 
 #include <fmt/format.h>
@@ -25,11 +25,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-constexpr double kFrameRate = 60;  // Hz, where neither times nor `fps` are told
-constexpr int kTrueDepth = 0;      // `cameraType` of the camera in front; that at the back is LiDAR
+constexpr double kFrameRate = 60;  // Hz, without times and `fps`
+constexpr int kTrueDepth = 0;      // `cameraType` of the front camera; the rear camera is LiDAR
 constexpr const char* kExpected = "Record3D's metadata with K, w, h, and frameTimestamps and poses";
 
-/// The first `count` numbers of a list; nothing where it has fewer, or others.
+/// Returns the first `count` numbers of a list; empty if the list is shorter or has other types.
 std::optional<std::vector<double>> numbers_in(const Json& list, std::size_t count) {
   if (!list.is_array() || list.size() < count) return std::nullopt;
   std::vector<double> numbers;
@@ -40,13 +40,13 @@ std::optional<std::vector<double>> numbers_in(const Json& list, std::size_t coun
   return numbers;
 }
 
-/// The same of the list of a frame.
+/// The same for a frame's entry in the list `key`.
 std::optional<std::vector<double>> numbers_of(const Json& all, const char* key, std::size_t frame, std::size_t count) {
   const auto it = all.find(key);
   return it != all.end() && it->is_array() && frame < it->size() ? numbers_in((*it)[frame], count) : std::nullopt;
 }
 
-/// Seconds of a frame.
+/// Time of a frame, seconds.
 double time_of(const Json& all, std::size_t index, double rate) {
   const auto times = all.find("frameTimestamps");
   if (times == all.end() || !times->is_array() || index >= times->size() || !(*times)[index].is_number())
@@ -54,7 +54,7 @@ double time_of(const Json& all, std::size_t index, double rate) {
   return (*times)[index].get<double>();
 }
 
-/// qx qy qz qw and then the place, world_from_camera.
+/// Pose world_from_camera of a frame, from qx qy qz qw and the translation.
 std::optional<Eigen::Isometry3d> pose_of(const Json& all, std::size_t index) {
   const auto v = numbers_of(all, "poses", index, 7);
   if (!v) return std::nullopt;
@@ -77,14 +77,14 @@ Camera camera_of(const Json& all, std::size_t index, const Camera& usual) {
   return camera;
 }
 
-/// An archive that was unpacked.
+/// Throws for an unpacked .r3d archive, whose depth is compressed.
 void refuse_packed_depth(const fs::path& folder) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder / "rgbd", ignored))
     if (extension_of(entry.path()) == ".depth") throw std::runtime_error(how_to_read_r3d(folder));
 }
 
-/// Images by the numbers that their names are.
+/// Maps the numbers in image names to the images.
 std::map<std::size_t, fs::path> by_number(const std::vector<fs::path>& images) {
   std::map<std::size_t, fs::path> all;
   for (const fs::path& image : images)
@@ -112,7 +112,7 @@ void read_frames(const Json& all, const fs::path& folder, Recording& recording, 
     cameras.push_back(camera_of(all, number, usual));
     recording.entries.push_back(std::move(entry));
   }
-  // Images may have been made smaller since.
+  // The images may be smaller than at export.
   std::optional<Eigen::Vector2i> size;
   for (auto it = color.begin(); it != color.end() && !size; ++it) size = size_of_image(it->second);
   for (auto it = depth.begin(); it != depth.end() && !size; ++it) size = size_of_image(it->second);
@@ -130,7 +130,7 @@ bool is_record3d(const Json& all) {
 
 Camera camera_of_record3d(const Json& all) {
   auto k = numbers_in(all.at("K"), 9);
-  if (k && (*k)[6] == 0 && (*k)[7] == 0) std::swap((*k)[2], (*k)[6]), std::swap((*k)[5], (*k)[7]);  // row by row
+  if (k && (*k)[6] == 0 && (*k)[7] == 0) std::swap((*k)[2], (*k)[6]), std::swap((*k)[5], (*k)[7]);  // row-major
   if (!k || (*k)[8] != 1 || (*k)[2] != 0 || (*k)[5] != 0)
     throw std::runtime_error("`K` is not [fx, 0, 0, 0, fy, 0, cx, cy, 1]");
   Camera camera{.width = pixels_at(all, "w"),
@@ -158,7 +158,7 @@ std::optional<Recording> read_record3d(const fs::path& folder) {
   Recording recording;
   std::vector<Camera> cameras;
   bool is_its = false;
-  // Others have files of this name, too.
+  // Other programs use this file name too.
   const auto bytes = read_whole(file);
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   for (const char* key : {"\"K\"", "\"w\"", "\"h\""})

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// metadata.json of Record3D's exports, and where its own archives lead.
+// metadata.json of Record3D exports, and advice for Record3D's own archives.
 #pragma once
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
@@ -10,12 +10,12 @@
 
 namespace cairn {
 
-/// Whether this is what metadata.json of Record3D holds: K, w and h, and times or poses of frames.
+/// True for the metadata.json of Record3D: K, w and h, and times or poses of frames.
 [[nodiscard]] bool is_record3d(const nlohmann::json& metadata);
-/// The camera of its `K` (column by column), `w` and `h`. Throws std::runtime_error with the key that is wrong.
+/// Returns the camera from `K` (column-major), `w` and `h`. Throws std::runtime_error with the invalid key.
 [[nodiscard]] Camera camera_of_record3d(const nlohmann::json& metadata);
 
-/// How to get a recording out of an .r3d archive, whose depth is packed with LZFSE, as one line.
+/// Explains in one line how to export a recording from an .r3d archive, whose depth is compressed with LZFSE.
 [[nodiscard]] std::string how_to_read_r3d(const std::filesystem::path& archive);
 
 }  // namespace cairn

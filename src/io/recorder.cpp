@@ -18,10 +18,10 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr float kFarthest = 65535;                         // units that a depth image holds
-constexpr double kScales[] = {1000, 5000, 6553.5, 10000};  // units per metre that recordings have
+constexpr float kFarthest = 65535;                         // maximum unit value of a depth image
+constexpr double kScales[] = {1000, 5000, 6553.5, 10000};  // common units per meter
 
-/// Whether every depth is what a file with this unit gives back.
+/// True if a file with this unit reproduces every depth value exactly.
 bool holds(const std::vector<float>& depth, double scale) {
   const auto metres = static_cast<float>(1.0 / scale);
   return std::all_of(depth.begin(), depth.end(), [&](float z) {
@@ -73,7 +73,7 @@ void Recorder::add(const EncodedFrame& frame) {
   const std::string depth = "depth/" + name + ".png",
                     colour_time = fmt::format("{:.6f}", frame.timestamp + frame.colour_delay),
                     colour = "rgb/" + name + frame.colour_extension;
-  // Nothing is waited for: the sensor goes on.
+  // No wait for the disk: the sensor continues.
   write_whole(folder_ / depth, frame.depth, Durable::some_time);
   if (!frame.colour.empty()) write_whole(folder_ / colour, frame.colour, Durable::some_time);
   if (!frame.confidence.empty()) {
@@ -92,7 +92,7 @@ void Recorder::add(const EncodedFrame& frame) {
   append("depth.txt", name + " " + depth + "\n");
 }
 
-/// A line is written whole or cut off again.
+/// Appends a complete line, or restores the file's old length.
 void Recorder::append(const char* list, const std::string& line) {
   const fs::path file = folder_ / list;
   std::error_code ignored;

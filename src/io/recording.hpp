@@ -18,13 +18,13 @@
 
 namespace cairn {
 
-/// Pixels of an enlarged image that are used: the middle of each block of equal ones.
+/// Pixels used from an enlarged image: the middle of each block of equal pixels.
 struct BlockPixels {
-  Eigen::Vector2i stored = Eigen::Vector2i::Zero();  // size of the images
+  Eigen::Vector2i stored = Eigen::Vector2i::Zero();  // size of the stored images
   std::vector<int> columns, rows;                    // empty: all
 };
 
-/// What a folder of images says about itself, whatever its layout. Paths are absolute or relative to the program.
+/// Content of an image folder, independent of its layout. Paths are absolute or relative to the working directory.
 struct Recording {
   struct Entry {
     double timestamp;  // seconds
@@ -32,39 +32,42 @@ struct Recording {
     std::filesystem::path colour;                 // empty: none
     double colour_delay = 0;                      // seconds after the depth image
     std::optional<Eigen::Vector3d> acceleration;  // see Frame
-    std::filesystem::path confidence;             // 8 bits, of depth's size; empty: none
-    /// What took this frame in place of the rig, in pixels of colour: see set_cameras_of_frames(). Empty: the rig.
+    std::filesystem::path confidence;             // 8 bits, in depth's size; empty: none
+    /// Camera of this frame, in pixels of color, if it differs from the rig; see set_cameras_of_frames(). Null: the
+    /// rig.
     std::shared_ptr<const Camera> camera = {};
   };
   std::string layout;  // see Source
   Rig rig;
-  /// Nothing is known of the intrinsics, neither from the recording nor from its layout: settle_camera() looks beside.
+  /// True if neither the recording nor its layout defines intrinsics; settle_camera() then searches the folder.
   bool camera_is_missing = false;
-  std::string camera_missing_words;   // and a clause with what the layout has them in; may be empty
-  std::filesystem::path camera_file;  // which its reader took the rig from: no file beside it; empty: from none
-  bool is_plain = false;              // a folder as people have them
-  bool size_is_told = true;           // false: the rig's size is not that of the images
-  bool unit_is_told = true;           // false: see_images() guesses depth_scale
-  double frame_rate = 0;  // Hz, by which the reader made times of whole numbers; 0: times are the recording's own
+  std::string camera_missing_words;   // clause about the layout's missing camera file; may be empty
+  std::filesystem::path camera_file;  // file already read into the rig by the layout's reader; empty: none
+  bool is_plain = false;              // a user folder without a specific layout
+  bool size_is_told = true;           // false: the images' size differs from the rig's
+  bool unit_is_told = true;           // false: see_images() estimates depth_scale
+  double frame_rate = 0;              // Hz, used by the reader to convert frame numbers to times; 0: times are recorded
   std::vector<Understood> understood;
-  std::vector<std::string> warnings, notes;  // of what was found in the folder, a line each
-  bool colour_is_told = true;      // false: the layout tells no colour camera, and colour does not lie on depth
-  double colour_readout = 0;       // seconds, of a colour camera that is not told
-  double depth_scale = 5000.0;     // depth image units per metre
-  double most_confidence = 255;    // of those images
-  std::vector<AngularRate> gyro;   // in the order of time
-  int invalid_depth = 0;           // a second value that means "no measurement", beside 0
-  bool bytes_are_swapped = false;  // of depth images with 16 bits
-  BlockPixels blocks;              // of depth images that were enlarged; rig.depth has their true size
+  std::vector<std::string> warnings, notes;  // found in the folder, a line each
+  bool colour_is_told = true;      // false: no color camera defined by the layout, and color is not registered to depth
+  double colour_readout = 0;       // seconds, for an undefined color camera
+  double depth_scale = 5000.0;     // depth image units per meter
+  double most_confidence = 255;    // maximum of the confidence images
+  std::vector<AngularRate> gyro;   // in time order
+  int invalid_depth = 0;           // second value for "no measurement", besides 0
+  bool bytes_are_swapped = false;  // in 16-bit depth images
+  BlockPixels blocks;              // of enlarged depth images; rig.depth has the true size
   std::vector<Entry> entries;
-  Trajectory truth;               // world_from_camera; empty when there is none
-  bool has_device_poses = false;  // `truth` is what the device itself found
-  /// Colour of entry i, bytes R, G, B, 255, where it is no file: i must grow from call to call. Empty: none.
+  Trajectory truth;               // world_from_camera; empty: none
+  bool has_device_poses = false;  // `truth` is the device's own estimate
+  /// Color of entry i, bytes R, G, B, 255, for color not stored in image files; i must increase from call to call.
+  /// Empty: none.
   std::function<std::vector<std::uint32_t>(int)> colour_of;
   std::optional<std::string> ended_early;  // see Source
 };
 
-// Each reads one layout, or returns nothing when the folder has another. Errors are thrown with file and line.
+// Each function reads one layout, and returns empty for a folder of another layout. Throws std::runtime_error with file
+// and line.
 [[nodiscard]] std::optional<Recording> read_tum(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_seven_scenes(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_associations(const std::filesystem::path& folder);
@@ -77,43 +80,42 @@ struct Recording {
 [[nodiscard]] std::optional<Recording> read_record3d(const std::filesystem::path& folder);
 [[nodiscard]] std::optional<Recording> read_polycam(const std::filesystem::path& folder);
 
-/// The one order in which all layouts get their cameras, depth_scale and frame_rate: `option` (a file or a known name;
-/// empty: none), a camera file in the folder, the recording itself, what its layout is known to have. Where nothing is
-/// told, camera_is_missing stays. Throws std::runtime_error for a file that cannot be read.
+/// Decides camera, depth_scale and frame_rate for all layouts, in this order: `option` (a file or a known name; empty:
+/// none), a camera file in the folder, the recording itself, known values of its layout. Without any of them,
+/// camera_is_missing stays set. Throws std::runtime_error for an unreadable file.
 void settle_camera(const std::filesystem::path& folder, const std::filesystem::path& option, Recording& recording);
-/// Whether a camera file in the folder tells another camera than a layout is known to have, whatever its size and
-/// readout.
+/// True if a camera file in the folder differs from the layout's known camera in more than size and readout.
 [[nodiscard]] bool is_told_another(const std::filesystem::path& folder, const Camera& known);
 
-/// accelerometer.txt, gyroscope.txt and groundtruth.txt of a folder, for a recording whose entries are there. Files of
-/// another time than the images' become a warning. `units_per_second`: of their times.
+/// Reads accelerometer.txt, gyroscope.txt and groundtruth.txt of a folder into a recording with entries. Files that do
+/// not overlap the images in time cause a warning. `units_per_second` applies to the files' times.
 void add_motion(const std::filesystem::path& folder, Recording& recording, double units_per_second = 1);
 
-/// Looks into some depth images for what nobody tells: the size, the unit and the order of bytes. Scales a camera of
-/// another size, and sets `blocks`. Throws where that has another shape, or where none can be read.
+/// Samples some depth images to find a missing image size, unit and byte order. Scales the camera to the images' size,
+/// and sets `blocks`. Throws if the aspect ratios differ, or if no image is readable.
 void see_images(Recording& recording);
-/// How far the ratio of width and height may be beside another's of the same shape: sizes are rounded to whole pixels.
+/// Tolerance of the aspect ratio between images of the same shape, because sizes are rounded to whole pixels.
 inline constexpr double kMostStretch = 0.02;
-/// The size that most of some color images have; nothing where none can be read.
+/// Returns the most common size among some color images; empty if none is readable.
 [[nodiscard]] std::optional<Eigen::Vector2i> usual_color_size(const std::vector<Recording::Entry>& entries);
-/// The size of an image in pixels; nothing where it cannot be read.
+/// Returns the size of an image in pixels; empty if unreadable.
 [[nodiscard]] std::optional<Eigen::Vector2i> size_of_image(const std::filesystem::path& file);
-/// The same view in another number of pixels.
+/// Returns the same camera with another number of pixels.
 [[nodiscard]] Camera scaled_to(const Camera& camera, const Eigen::Vector2i& size);
-/// Sets the cameras of a recording whose depth is seen from the colour camera's place, perhaps in another size: that of
-/// the first depth image that can be read. Throws where that has another shape.
+/// Sets the rig of a recording with depth registered to color, perhaps in another size: the size of the first readable
+/// depth image. Throws if the aspect ratios differ.
 void set_rig_in_one_place(const Camera& colour, Recording& recording);
-/// The same for a camera of each entry, as phones with autofocus have them; the first one's is the recording's, and
-/// frames of others are turned into it. Says so in `understood`.
+/// The same with a camera for each entry, as for phones with autofocus. The first camera becomes the recording's, and
+/// frames of the other cameras are resampled into it. Adds a line to `understood`.
 void set_cameras_of_frames(const std::vector<Camera>& cameras, Recording& recording);
 
-/// The source with the cameras of a camera.yaml or of this name; as it is without one. Throws std::runtime_error for
-/// other sizes.
+/// Applies the cameras of a camera.yaml or of a known name to the source; unchanged for an empty name. Throws
+/// std::runtime_error if the sizes differ.
 [[nodiscard]] std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source,
                                                    const std::filesystem::path& camera_file);
 
-/// The frames of a folder, whatever its layout, as range, camera and find_colour_camera of the options say. Throws
-/// std::runtime_error with what is missing, where, and what to do.
+/// Opens a folder of any layout, with the options' range, camera and find_colour_camera. Throws std::runtime_error with
+/// the missing data, the place and a remedy.
 [[nodiscard]] std::unique_ptr<Source> open_recording(const std::filesystem::path& folder,
                                                      const SourceOptions& options = {});
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Replica as rendered for iMAP and NICE-SLAM (Sucar et al. 2021, Zhu et al. 2022): results/frame000000.jpg and
+// Replica, rendered for iMAP and NICE-SLAM (Sucar et al. 2021, Zhu et al. 2022): results/frame000000.jpg and
 // depth000000.png, traj.txt and cam_params.json.
 #include <algorithm>
 #include <array>
@@ -19,10 +19,10 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kFrameRate = 30.0;    // Hz; the set has no time stamps
-constexpr int kMostFrames = 10000000;  // what a number in a name may be
+constexpr double kFrameRate = 30.0;    // Hz; the data set has no timestamps
+constexpr int kMostFrames = 10000000;  // upper bound of a number in a name
 
-/// The number in `PREFIX000012`.
+/// Returns the number in `PREFIX000012`.
 std::optional<int> number_of_image(const fs::path& image, std::string_view prefix) {
   const std::string stem = image.stem().string();
   if (!stem.starts_with(prefix)) return std::nullopt;

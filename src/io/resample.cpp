@@ -9,10 +9,10 @@
 namespace cairn {
 namespace {
 
-constexpr float kJump = 0.05f;        // of the depth, between neighbours on two surfaces
-constexpr float kNowhere = -1000.0f;  // pixels: no pixel is there
+constexpr float kJump = 0.05f;        // share of the depth, between neighbors on different surfaces
+constexpr float kNowhere = -1000.0f;  // pixels: outside of every image
 
-/// Pixels of `from` on the rays of all pixels of `seen_by`.
+/// Positions in `from` of the rays of all pixels of `seen_by`.
 cv::Mat2f places(const Camera& seen_by, const Camera& from) {
   cv::Mat2f all(seen_by.height, seen_by.width);
   if (!seen_by.distorted() && !from.distorted()) {
@@ -34,7 +34,7 @@ cv::Mat2f places(const Camera& seen_by, const Camera& from) {
   return all;
 }
 
-/// Whether no pixel moves farther than `most` pixels. Without a lens the corners move most.
+/// True if no pixel moves by more than `most` pixels. Without distortion the corners move most.
 bool is_near(const Camera& a, const Camera& b, double most) {
   if (a == b) return true;
   if (most <= 0 || a.width != b.width || a.height != b.height || a.lens != b.lens || a.distortion != b.distortion)
@@ -47,7 +47,8 @@ bool is_near(const Camera& a, const Camera& b, double most) {
   return true;
 }
 
-/// Depth between pixels. On a plane its inverse goes evenly from pixel to pixel; between two surfaces there is none.
+/// Interpolates depth between pixels. On a plane, inverse depth is linear in the image; across two surfaces the nearest
+/// pixel is used.
 float depth_between(const cv::Mat1f& depth, float u, float v) {
   const int x = static_cast<int>(std::lround(u)), y = static_cast<int>(std::lround(v));
   if (x < 0 || y < 0 || x >= depth.cols || y >= depth.rows) return 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Images of one camera as another one in the same place would have taken them.
+// Resampling of images into another camera at the same position.
 #pragma once
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -10,25 +10,26 @@
 
 namespace cairn {
 
-/// Turns the images of camera `from` into those of `seen_by`, which looks from the same place in the same direction:
-/// each of its pixels shows what the image shows on its ray, and has no depth beyond it. Images whose pixels all move
-/// by `negligible` pixels at most, and keep their size, stay as they are.
+/// Resamples images of camera `from` into camera `seen_by` at the same pose: each target pixel shows the source image
+/// along its ray, and has no depth outside the source image. Images are returned unchanged if every pixel moves by at
+/// most `negligible` pixels and the size is the same.
 class Resampler {
  public:
   Resampler() = default;
   Resampler(const Camera& seen_by, const Camera& from, double negligible = 0);
-  /// Whether images stay as they are.
+  /// True if images are returned unchanged.
   [[nodiscard]] bool is_identity() const { return places_.empty(); }
-  /// Depth in meters; its inverse is interpolated on one surface, between two the nearest pixel is taken.
+  /// Resamples depth in meters: inverse depth is interpolated within a surface, and the nearest pixel is used across
+  /// surfaces.
   [[nodiscard]] std::vector<float> depth(std::vector<float> image) const;
-  /// Bytes R, G, B, A, interpolated.
+  /// Resamples color, bytes R, G, B, A, by interpolation.
   [[nodiscard]] std::vector<std::uint32_t> color(std::vector<std::uint32_t> image) const;
-  /// Of the nearest pixel.
+  /// Resamples confidence by nearest neighbor.
   [[nodiscard]] std::vector<std::uint8_t> confidence(std::vector<std::uint8_t> image) const;
 
  private:
   cv::Size from_;
-  cv::Mat2f places_;  // pixels of `from`, x and y
+  cv::Mat2f places_;  // x and y in `from`, pixels
 };
 
 }  // namespace cairn

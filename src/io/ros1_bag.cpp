@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Bags of ROS 1, format 2.0: records of a header, which has named fields, and data; messages lie in chunks. The
-// index tells topics, counts, and the times of chunks. http://wiki.ros.org/Bags/Format/2.0
+// ROS 1 bags, format 2.0: records of a header with named fields, and data; messages are stored in chunks. The index
+// lists topics, counts, and the time range of each chunk. http://wiki.ros.org/Bags/Format/2.0
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -32,13 +32,13 @@ std::optional<T> number_at(Bytes bytes, std::size_t at = 0) {
   std::memcpy(&value, bytes.data() + at, sizeof value);
   return value;
 }
-/// A time of seconds and nanoseconds.
+/// Converts a time of seconds and nanoseconds.
 double seconds_of(std::uint64_t time) {
   return static_cast<double>(time & 0xffffffff) + 1e-9 * static_cast<double>(time >> 32);
 }
 std::string_view text_of(Bytes bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
-/// The fields of a header, `name=value` each after its length.
+/// Fields of a record header, each a length and `name=value`.
 class Fields {
  public:
   explicit Fields(Bytes bytes) {
@@ -91,7 +91,7 @@ class Ros1Bag final : public ChunkedRecording {
     std::uint32_t data_size;
   };
 
-  /// Reads the header of the next record of the file into header_; nothing at the end or where the file is cut off.
+  /// Reads the header of the file's next record into header_; empty at the end or at a truncation.
   std::optional<Head> next_head() {
     record_at_ = in_.at();
     if (in_.at() == end_) {
@@ -119,7 +119,7 @@ class Ros1Bag final : public ChunkedRecording {
       throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
     return data_;
   }
-  /// The bytes of a chunk that is not packed.
+  /// Reads the bytes of an uncompressed chunk.
   std::vector<std::uint8_t> whole(std::uint32_t size) {
     auto bytes = used_memory();
     bytes.resize(size);
@@ -127,7 +127,7 @@ class Ros1Bag final : public ChunkedRecording {
       throw std::runtime_error("cannot be read: the file has changed since, or the disk fails");
     return bytes;
   }
-  /// A chunk that is not packed need not be there to its end.
+  /// True for an uncompressed chunk; it may be truncated.
   [[nodiscard]] bool is_open_chunk() const {
     const Fields fields(header_);
     return fields.number<std::uint8_t>("op") == kChunk && text_of(fields.bytes("compression")) == "none";
@@ -139,7 +139,7 @@ class Ros1Bag final : public ChunkedRecording {
         name());
   }
 
-  /// The connections and counts at the end of a bag that was finished.
+  /// Reads the connections and counts at the end of a finished bag.
   void read_index() {
     const auto head = next_head();
     if (!head) throw std::runtime_error("is cut off or damaged; copy the file again");
@@ -164,7 +164,7 @@ class Ros1Bag final : public ChunkedRecording {
         counts[*number_at<std::uint32_t>(data, at)] += *number_at<std::uint32_t>(data, at + 4);
     }
     index_found_ = !ended_early_;
-    if (!index_found_) return;  // without the rest of the index nothing is counted
+    if (!index_found_) return;  // no counts without the complete index
     for (const auto& [connection, topic] : topic_of_connection_) count(topic, counts[connection]);
     end_ = index;
     play_by(std::move(chunks));
@@ -200,8 +200,8 @@ class Ros1Bag final : public ChunkedRecording {
                       "byte"};
   }
 
-  /// Message of a record of the file. The data of a chunk that is not packed, and not whole or very large, are the next
-  /// records.
+  /// Returns the message in a record of the file, if any. Records of an uncompressed chunk that is truncated or very
+  /// large are read one by one.
   std::optional<RosMessage> message_in_file(Head head) {
     const std::uint64_t behind = std::min(in_.at() + head.data_size, in_.size());
     try {

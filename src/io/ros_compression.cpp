@@ -19,12 +19,13 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kStep = 1 << 20;    // bytes by which the result grows: a promise alone gets no memory
+constexpr std::size_t kStep = 1 << 20;    // bytes added per growth step: memory follows the data, not the declared size
 constexpr std::size_t kMost = 256 << 20;  // bytes
-// Times that bytes may grow behind the first kAnySize, an image of 4K in one color: images without noise do by 200.
+// Maximum compression ratio beyond the first kAnySize bytes (a 4K image in a single color); images without noise reach
+// 200.
 constexpr std::size_t kMostPacked = 1000, kAnySize = 32 << 20;
 
-/// What a call of a library took and gave.
+/// Bytes consumed and produced by a library call.
 struct Moved {
   std::size_t in, out;
   bool at_end;
@@ -32,7 +33,7 @@ struct Moved {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// Calls `move(from, to)`, which throws where it cannot go on, until it is at the end. `all`: bytes to overwrite.
+/// Calls `move(from, to)` until it reports the end. `move` throws if it cannot continue. `all`: buffer to reuse.
 template <class Move>
 Bytes unpack(std::span<const std::uint8_t> packed, std::size_t most, Bytes all, const Move& move) {
   all.resize(std::min(most, all.size()));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// How recordings of ROS pack their chunks; the only door to bzip2, LZ4 and Zstandard.
+// Chunk compression of ROS recordings. The only file with calls of bzip2, LZ4 and Zstandard.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -10,14 +10,14 @@
 
 namespace cairn {
 
-/// All that `packed` holds. `kind`: bz2, lz4 (its frame format) or zstd. Throws std::runtime_error, without the file's
-/// name, for another kind, for bytes that are damaged or cut off, and where they hold another number of bytes than
-/// `promised` or more than 256 MiB. `memory`: bytes that nobody needs, to be overwritten.
+/// Decompresses `packed`. `kind`: bz2, lz4 (frame format) or zstd. Throws std::runtime_error, without the file name,
+/// for another kind, for damaged or truncated data, and if the size differs from `promised` or exceeds 256 MiB.
+/// `memory`: buffer to reuse.
 [[nodiscard]] std::vector<std::uint8_t> unpacked(std::string_view kind, std::span<const std::uint8_t> packed,
                                                  std::optional<std::uint64_t> promised,
                                                  std::vector<std::uint8_t> memory = {});
 
-/// A frame of Zstandard that holds these bytes; quick rather than small.
+/// Compresses bytes to a Zstandard frame; optimized for speed, not size.
 [[nodiscard]] std::vector<std::uint8_t> packed_by_zstd(std::span<const std::uint8_t> bytes);
 
 }  // namespace cairn

@@ -22,11 +22,11 @@ namespace cairn {
 namespace {
 
 using Bytes = std::span<const std::uint8_t>;
-constexpr std::uint32_t kLeastMosaic = 4;        // pixels along a side that OpenCV takes color from
-constexpr std::uint32_t kLargestSide = 1 << 14;  // pixels, of a sensor
+constexpr std::uint32_t kLeastMosaic = 4;        // pixels a side, minimum for OpenCV's demosaicing
+constexpr std::uint32_t kLargestSide = 1 << 14;  // pixels a side, of a sensor
 
-/// Reads a message field by field. ROS 1 packs them without gaps, little endian; CDR tells its byte order in the first
-/// four bytes, behind which each number lies at a multiple of its size.
+/// Sequential reader of message fields. ROS 1 packs them without padding, little-endian; CDR has the byte order in the
+/// first four bytes, and aligns each number to its size after them.
 class Fields {
  public:
   Fields(Bytes bytes, RosEncoding encoding) : bytes_(bytes), cdr_(encoding == RosEncoding::cdr) {
@@ -56,14 +56,14 @@ class Fields {
     if (cdr_ && !all.empty() && all.back() == 0) all = all.first(all.size() - 1);
     return {all.begin(), all.end()};
   }
-  /// The length of a list whose entries have at least so many bytes.
+  /// Reads the length of a list with entries of `least` bytes or more.
   std::uint32_t length(std::size_t least) {
     const auto count = number<std::uint32_t>();
     if (count > (bytes_.size() - at_) / least) throw std::runtime_error("ends too early");
     return count;
   }
   RosHeader header() {
-    if (!cdr_) (void)number<std::uint32_t>();  // a count
+    if (!cdr_) (void)number<std::uint32_t>();  // sequence number
     const double seconds = cdr_ ? number<std::int32_t>() : number<std::uint32_t>();
     RosHeader header{.stamp = seconds + 1e-9 * number<std::uint32_t>(), .frame_id = text()};
     header.frame_id.erase(0, std::min(header.frame_id.find_first_not_of('/'), header.frame_id.size()));
@@ -95,7 +95,7 @@ class Fields {
   bool cdr_, turned_ = false;
 };
 
-/// How an encoding of sensor_msgs/Image lies in memory, and what it is.
+/// Memory layout and kind of a sensor_msgs/Image encoding.
 struct Layout {
   std::string_view encoding;
   RosImage::Kind kind;
@@ -129,8 +129,7 @@ constexpr std::array kLayouts{
 bool is_in_pairs(const Layout& layout) { return layout.type == CV_8UC2; }
 bool is_mosaic(const Layout& layout) { return layout.encoding.starts_with("bayer"); }
 
-/// Stored columns of a row. Two pixels of YUV 4:2:2 share their color, so that a row of an odd number ends in half a
-/// pair.
+/// Stored columns of a row. Two pixels of YUV 4:2:2 share their color, so a row of odd width ends in half a pair.
 std::uint32_t stored_columns(const Layout& layout, std::uint32_t width) {
   return is_in_pairs(layout) ? width + width % 2 : width;
 }
@@ -164,7 +163,7 @@ RosImage raw_image(Fields& fields, const ImageBound& bound) {
   image.width = static_cast<int>(width);
   image.pixels = cv::Mat(static_cast<int>(height), static_cast<int>(columns), layout->type,
                          const_cast<std::uint8_t*>(data.data()), step);
-  if (size > 1) {  // numbers that may lie anywhere in memory, and in the other order
+  if (size > 1) {  // data may be unaligned and in the other byte order
     image.pixels = image.pixels.clone();
     if (big_endian)
       for (std::uint8_t* p = image.pixels.data; p != image.pixels.data + image.pixels.total() * size; p += size)
@@ -173,7 +172,7 @@ RosImage raw_image(Fields& fields, const ImageBound& bound) {
   return image;
 }
 
-/// What compressed_depth_image_transport packs as RVL: width, height, and the pixels.
+/// Decodes RVL of compressed_depth_image_transport: width, height, and the pixels.
 cv::Mat rvl_image(Bytes data, const ImageBound& bound) {
   std::array<std::uint32_t, 2> size{};
   if (data.size() < sizeof size) throw std::runtime_error("ends too early");
@@ -183,8 +182,8 @@ cv::Mat rvl_image(Bytes data, const ImageBound& bound) {
   return cv::Mat(static_cast<int>(size[1]), static_cast<int>(size[0]), CV_16UC1, pixels.data()).clone();
 }
 
-/// What image_transport packs: a PNG, a JPEG or RVL; with `compressedDepth` before it three numbers, which tell how
-/// metres became 16 bits.
+/// Decodes image_transport data: PNG, JPEG or RVL; with `compressedDepth`, three numbers first, with the quantization
+/// of meters to 16 bits.
 RosImage packed_image(Fields& fields, const ImageBound& bound) {
   const std::string format = fields.text();
   Bytes data = fields.bytes();
@@ -216,8 +215,8 @@ RosImage packed_image(Fields& fields, const ImageBound& bound) {
   return image;
 }
 
-/// librealsense's inverse model takes a measured point to the ray by Brown and Conrady's formula; the coefficients that
-/// come nearest to it the other way round, by least squares over the image.
+/// Fits the forward Brown-Conrady coefficients to librealsense's inverse model, which maps a measured point to the ray,
+/// by least squares over the image.
 std::array<double, 8> turned_round(const RosCameraInfo& info) {
   constexpr int kSteps = 24;
   const double k1 = info.d[0], k2 = info.d[1], p1 = info.d[2], p2 = info.d[3], k3 = info.d[4];
@@ -255,7 +254,7 @@ void set_lens(const RosCameraInfo& info, Camera& camera) {
   if (model == "plumb_bob" || model == "rational_polynomial" || model == "Brown Conrady" ||
       model == "Modified Brown Conrady") {
     need(4, 14);
-    // Behind the eighth stand those of a thin prism and of a tilted sensor.
+    // Coefficients after the eighth: thin prism and tilted sensor.
     if (d.size() > 8 && std::any_of(d.begin() + 8, d.end(), [](double k) { return k != 0; }))
       throw std::runtime_error("its distortion has terms of a thin prism, which are not supported");
     std::copy_n(d.begin(), std::min<std::size_t>(d.size(), 8), camera.distortion.begin());
@@ -307,7 +306,7 @@ std::vector<std::uint32_t> colour_of(const RosImage& image) {
     cv::cvtColor(image.pixels, rgba, image.to_rgba);
   else
     rgba = image.pixels.clone();
-  if (rgba.cols != image.width) rgba = rgba.colRange(0, image.width).clone();  // without the other half of a pair
+  if (rgba.cols != image.width) rgba = rgba.colRange(0, image.width).clone();  // drop the second half of the last pair
   const auto* data = rgba.ptr<std::uint32_t>();
   std::vector<std::uint32_t> colour(data, data + rgba.total());
   for (std::uint32_t& pixel : colour) pixel |= 0xff000000u;
@@ -324,7 +323,7 @@ RosCameraInfo read_camera_info(Bytes bytes, RosEncoding encoding) {
   info.d.resize(fields.length(sizeof(double)));
   for (double& value : info.d) value = fields.number<double>();
   info.k = fields.numbers<9>();
-  (void)fields.numbers<9>();  // the rotation that rectifies a pair of cameras
+  (void)fields.numbers<9>();  // rectification rotation of a stereo pair
   info.p = fields.numbers<12>();
   info.binning_x = fields.number<std::uint32_t>();
   info.binning_y = fields.number<std::uint32_t>();
@@ -342,7 +341,7 @@ Camera camera_of(const RosCameraInfo& info, bool rectified) {
   c.cx = by_p ? info.p[2] : info.k[2], c.cy = by_p ? info.p[6] : info.k[5];
   if (c.fx == 0) throw std::runtime_error("its K is zero: the camera was never calibrated");
   if (!rectified) set_lens(info, c);
-  // A part of the sensor's image, and several of its pixels as one.
+  // Region of interest and binning.
   if (info.roi_width > 0 && info.roi_height > 0) {
     c.width = static_cast<int>(std::min(info.roi_width, kLargestSide));
     c.height = static_cast<int>(std::min(info.roi_height, kLargestSide));
@@ -364,7 +363,7 @@ RosImu read_imu(Bytes bytes, RosEncoding encoding) {
   const auto measured = [&]() -> std::optional<Eigen::Vector3d> {
     const Eigen::Vector3d value = fields.vector();
     const auto covariance = fields.numbers<9>();
-    // ROS' own mark of what the sensor does not measure; others leave zeros.
+    // ROS marks unmeasured values by -1; other drivers write zeros.
     if (covariance[0] == -1 || value.isZero(0) || !value.allFinite()) return std::nullopt;
     return value;
   };

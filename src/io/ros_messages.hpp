@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The messages of ROS that recordings of cameras hold, from their bytes to values. Each function throws
-// std::runtime_error, without file and topic, for bytes that are no such message.
+// Deserialization of the ROS messages used by camera recordings. Each function throws std::runtime_error, without file
+// and topic, for invalid bytes.
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
@@ -22,32 +22,32 @@ namespace cairn {
 
 struct RosHeader {
   double stamp = 0;      // seconds; 0: none
-  std::string frame_id;  // without a slash before it
+  std::string frame_id;  // without a leading slash
 };
-/// The header that a message of many types begins with.
+/// Reads the header at the front of many message types.
 [[nodiscard]] RosHeader read_ros_header(std::span<const std::uint8_t> bytes, RosEncoding encoding);
 
-/// An image, decoded where it is packed, in the pixels that it was recorded with.
+/// Image, decompressed, in its recorded pixel format.
 struct RosImage {
   enum class Kind { depth, colour, grey, other };
   Kind kind = Kind::other;
-  std::string encoding;             // as a user knows it
-  cv::Mat pixels;                   // may lie in the message's bytes; of pairs of pixels a whole number in a row
+  std::string encoding;             // as shown to users
+  cv::Mat pixels;                   // may point into the message's bytes; rows hold complete pairs of pixels
   int width = 0;                    // of the image
-  bool packed_from_metres = false;  // depth in metres that was packed into 16 bits, with the next two numbers
+  bool packed_from_metres = false;  // depth in meters, quantized to 16 bits with quant_a and quant_b
   float quant_a = 0, quant_b = 0;
-  int to_rgba = -1;  // cv::ColorConversionCodes; -1: it is
+  int to_rgba = -1;  // cv::ColorConversionCodes; -1: already RGBA
 };
-/// `type`: sensor_msgs/Image or sensor_msgs/CompressedImage. Throws std::runtime_error for an image beyond `bound`,
-/// before it is decoded.
+/// Reads an image; `type`: sensor_msgs/Image or sensor_msgs/CompressedImage. Throws std::runtime_error for an image
+/// beyond `bound`, before decoding.
 [[nodiscard]] RosImage read_ros_image(std::span<const std::uint8_t> bytes, RosEncoding encoding, std::string_view type,
                                       const ImageBound& bound = {});
-/// Metres; 0 where nothing was measured. `unit`: metres, of depth in whole numbers.
+/// Converts to depth in meters; 0: no measurement. `unit`: meters per unit of integer depth.
 [[nodiscard]] std::vector<float> depth_of(const RosImage& image, double unit);
-/// Bytes R, G, B, 255.
+/// Converts to bytes R, G, B, 255.
 [[nodiscard]] std::vector<std::uint32_t> colour_of(const RosImage& image);
 
-/// A sensor_msgs/CameraInfo.
+/// sensor_msgs/CameraInfo.
 struct RosCameraInfo {
   RosHeader header;
   int width = 0, height = 0;
@@ -58,26 +58,26 @@ struct RosCameraInfo {
   std::uint32_t binning_x = 0, binning_y = 0, left = 0, top = 0, roi_width = 0, roi_height = 0;
 };
 [[nodiscard]] RosCameraInfo read_camera_info(std::span<const std::uint8_t> bytes, RosEncoding encoding);
-/// The camera of raw or of rectified images. Throws for a lens that Camera cannot be.
+/// Returns the camera of raw or rectified images. Throws for a lens model not supported by Camera.
 [[nodiscard]] Camera camera_of(const RosCameraInfo& info, bool rectified);
 
-/// A sensor_msgs/Imu.
+/// sensor_msgs/Imu.
 struct RosImu {
   std::optional<Eigen::Vector3d> rate, acceleration;  // rad/s, m/s^2
 };
 [[nodiscard]] RosImu read_imu(std::span<const std::uint8_t> bytes, RosEncoding encoding);
 
 struct RosTransform {
-  std::string parent, child;  // frames
+  std::string parent, child;  // frame names
   Eigen::Isometry3d parent_from_child = Eigen::Isometry3d::Identity();
 };
-/// A tf2_msgs/TFMessage or tf/tfMessage.
+/// Reads a tf2_msgs/TFMessage or tf/tfMessage.
 [[nodiscard]] std::vector<RosTransform> read_tf(std::span<const std::uint8_t> bytes, RosEncoding encoding);
-/// A geometry_msgs/Transform.
+/// Reads a geometry_msgs/Transform.
 [[nodiscard]] Eigen::Isometry3d read_transform(std::span<const std::uint8_t> bytes, RosEncoding encoding);
-/// A std_msgs/Float32.
+/// Reads a std_msgs/Float32.
 [[nodiscard]] float read_float(std::span<const std::uint8_t> bytes, RosEncoding encoding);
-/// A diagnostic_msgs/KeyValue.
+/// Reads a diagnostic_msgs/KeyValue.
 [[nodiscard]] std::pair<std::string, std::string> read_key_value(std::span<const std::uint8_t> bytes,
                                                                  RosEncoding encoding);
 

@@ -24,10 +24,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostAtOnce = 8;  // files whose messages are merged
-constexpr int kMostTries = 16;          // damaged parts at the begin of a file, in search of its first message
+constexpr std::size_t kMostAtOnce = 8;  // files merged at a time
+constexpr int kMostTries = 16;          // damaged parts skipped in search of a file's first message
 
-/// Seconds, of the first message; nothing where none can be read.
+/// Time of the first message, seconds; empty if none is readable.
 std::optional<double> begin_of(RosRecording& file) {
   std::optional<double> begin;
   for (int i = 0; i < kMostTries; ++i) {
@@ -35,14 +35,14 @@ std::optional<double> begin_of(RosRecording& file) {
       if (const auto message = file.next()) begin = message->received;
       break;
     } catch (const std::runtime_error&) {
-      // It is thrown again where the file is played.
+      // Thrown again when the file is played.
     }
   }
   file.rewind();
   return begin;
 }
 
-/// The files of a folder of rosbag2, in the order of their times.
+/// Files of a rosbag2 folder, in time order.
 class Rosbag2Folder final : public RosRecording {
  public:
   Rosbag2Folder(const fs::path& folder, std::vector<std::unique_ptr<RosRecording>> files)
@@ -51,7 +51,7 @@ class Rosbag2Folder final : public RosRecording {
       take_topics(i);
       for (std::size_t t = 0; t < files_[i]->topics().size(); ++t)
         if (const auto& messages = files_[i]->topics()[t].messages) count(numbers_[i][t], *messages);
-      // A file of which nothing is known stays behind the one before.
+      // A file of unknown time stays after the previous file.
       const double before = i > 0 ? begins_.back().first : 0;
       begins_.emplace_back(begin_of(*files_[i]).value_or(before), i);
     }
@@ -84,10 +84,10 @@ class Rosbag2Folder final : public RosRecording {
  private:
   struct Playing {
     std::size_t file;
-    std::optional<RosMessage> message;  // the next one
+    std::optional<RosMessage> message;  // next message
   };
 
-  /// Whether no file that is to come has an earlier message than the first one of those that play.
+  /// True if no unopened file starts before `first`, the earliest message of the open files.
   [[nodiscard]] bool is_due(std::vector<Playing>::const_iterator first) {
     if (opened_ == begins_.size()) return true;
     if (first == playing_.end()) return false;
@@ -112,7 +112,7 @@ class Rosbag2Folder final : public RosRecording {
     }
   }
 
-  /// Numbers the topics of a file that are not numbered yet.
+  /// Registers new topics of a file.
   void take_topics(std::size_t file) {
     const auto& topics = files_[file]->topics();
     for (auto& numbers = numbers_[file]; numbers.size() < topics.size();) {
@@ -122,17 +122,17 @@ class Rosbag2Folder final : public RosRecording {
   }
 
   std::vector<std::unique_ptr<RosRecording>> files_;
-  std::vector<std::vector<std::size_t>> numbers_;       // by file and its topic
-  std::vector<std::pair<double, std::size_t>> begins_;  // seconds, and the file; in the order of time
+  std::vector<std::vector<std::size_t>> numbers_;       // topic number by file and its topic
+  std::vector<std::pair<double, std::size_t>> begins_;  // start time in seconds, and file; in time order
   std::vector<Playing> playing_;
-  std::size_t opened_ = 0;  // of begins_
+  std::size_t opened_ = 0;  // number of opened entries of begins_
   bool said_too_many_ = false;
 };
 
 }  // namespace
 
 std::size_t RosRecording::topic_of(std::string name, std::string type, RosEncoding encoding) {
-  // What ROS itself allows in names is a part of this; they are told in messages.
+  // ROS allows a subset of printable ASCII in names; other characters would garble messages.
   for (char& c : name)
     if (c < ' ' || c > '~' || c == '\'' || c == '`') c = '?';
   if (const std::size_t at = type.find("/msg/"); at != type.npos) type.erase(at, 4);
@@ -164,7 +164,7 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
   if (names.empty()) throw std::runtime_error(about.string() + ": names no file of the recording");
   std::vector<std::unique_ptr<RosRecording>> files;
   for (const std::string& name : names) {
-    // Older versions wrote them with the folder's name.
+    // Older versions wrote paths with the folder name.
     fs::path file = folder / name;
     std::error_code ignored;
     if (!fs::exists(file, ignored)) file = folder / fs::path(name).filename();
@@ -201,7 +201,7 @@ bool is_ros_recording(const std::string& name) {
     const std::string extension = extension_of(name);
     return extension == ".bag" || extension == ".mcap" || extension == ".db3";
   }
-  // Others have files of this name, too.
+  // Other programs use this file name too.
   const fs::path about = fs::path(name) / "metadata.yaml";
   if (!fs::is_regular_file(about, ignored)) return false;
   const auto bytes = read_whole(about);

@@ -17,14 +17,14 @@ namespace cairn {
 namespace {
 
 constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, as for TUM recordings
-constexpr std::size_t kMostWaiting = 32;      // depth images that wait for what was taken with them
+constexpr std::size_t kMostWaiting = 32;      // depth images waiting for data of the same time
 constexpr std::size_t kMostSamples = 100000;  // of an inertial sensor
 
 class RosSource final : public Source {
  public:
   RosSource(std::unique_ptr<RosRecording> recording, const SourceOptions& options)
       : recording_(std::move(recording)), plan_(plan_of(*recording_, options)) {
-    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors go into Frame::problem
   }
 
   const Rig& rig() const override { return plan_.rig; }
@@ -63,16 +63,16 @@ class RosSource final : public Source {
   }
 
  private:
-  /// A message that is kept until its frame is delivered.
+  /// Message kept until its frame is delivered.
   struct Waiting {
     double time;  // seconds
     std::vector<std::uint8_t> bytes;
-    std::string place;  // file, topic and where the message is
+    std::string place;  // file, topic and position of the message
     std::optional<std::string> problem;
   };
   struct Sample {
     double time;            // seconds
-    Eigen::Vector3d value;  // of a gyroscope in its own frame, of an accelerometer in the depth camera's
+    Eigen::Vector3d value;  // gyroscope: in its own frame; accelerometer: in the depth camera's frame
   };
 
   static Waiting taken_from(std::deque<Waiting>& queue) {
@@ -80,7 +80,7 @@ class RosSource final : public Source {
     queue.pop_front();
     return first;
   }
-  /// A copy in the memory of an image that was delivered: fresh memory costs more than the copy.
+  /// Copies into the buffer of a delivered image: fresh memory costs more than the copy.
   std::vector<std::uint8_t> copy_of(std::span<const std::uint8_t> bytes) {
     std::vector<std::uint8_t> copy;
     if (!used_.empty()) {
@@ -93,7 +93,7 @@ class RosSource final : public Source {
 
   [[nodiscard]] double half_a_frame() const { return 0.5 * plan_.interval; }
 
-  /// Whether all that belongs to the first depth image has been read.
+  /// True if all data of the first depth image has been read.
   [[nodiscard]] bool may_deliver() const {
     if (depth_.size() > kMostWaiting) return true;
     if (depth_.size() < kSortedImages) return false;
@@ -170,7 +170,7 @@ class RosSource final : public Source {
     }
   }
 
-  /// The colour image that was taken nearest to this frame, if it is near.
+  /// Attaches the color image closest in time, within half a frame interval.
   void attach_colour(Frame& frame) {
     const auto off = [&](const Waiting& w) { return w.time - frame.timestamp; };
     while (!colour_.empty() && off(colour_.front()) < -half_a_frame()) drop_colour();
@@ -184,7 +184,7 @@ class RosSource final : public Source {
       frame.colour = colour_of(image);
       frame.colour_delay = off(*nearest);
     } catch (const std::exception&) {
-      // Depth alone is still a frame.
+      // Frames without color are still valid.
     }
   }
 
@@ -207,7 +207,7 @@ class RosSource final : public Source {
   std::unique_ptr<RosRecording> recording_;
   RosPlan plan_;
   std::deque<Waiting> depth_, colour_;
-  std::vector<std::vector<std::uint8_t>> used_;  // memory of images that were delivered
+  std::vector<std::vector<std::uint8_t>> used_;  // buffers of delivered images
   std::deque<Sample> rates_, accelerations_;
   double newest_colour_ = -INFINITY, newest_rate_ = -INFINITY, newest_acceleration_ = -INFINITY;  // seconds
   double last_timestamp_ = -INFINITY;

@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// The frames of a recording of ROS, in its order. Throws std::runtime_error with what is missing, where, and what to
-/// do.
+/// Opens a ROS recording; frames are in recording order. Throws std::runtime_error with the missing data, its place and
+/// a remedy.
 [[nodiscard]] std::unique_ptr<Source> open_ros(const std::filesystem::path& recording, const SourceOptions& options);
 
 }  // namespace cairn

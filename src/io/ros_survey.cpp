@@ -22,19 +22,19 @@ namespace cairn {
 namespace {
 
 using Holds = RecordedTopic::Holds;
-constexpr std::uint64_t kImages = 8;      // of a topic that are looked at, for what they hold and how often they come
-constexpr double kLongEnough = 10;        // seconds in which all topics that tell of the cameras should have come
-constexpr double kOtherClock = 2;         // seconds that no message is late
+constexpr std::uint64_t kImages = 8;      // images examined per topic, for pixel format and rate
+constexpr double kLongEnough = 10;        // seconds; all topics with camera data should have appeared by then
+constexpr double kOtherClock = 2;         // seconds, more than any message delay
 constexpr double kYear = 365.25 * 86400;  // seconds
 
-/// What the begin of a recording tells about a topic.
+/// Topic properties found at the begin of a recording.
 struct Seen {
   std::uint64_t messages = 0;
   RosHeader header;     // of the first message
   double received = 0;  // seconds, of the first message
   std::vector<double> stamps;
   RosImage::Kind kind = RosImage::Kind::other;
-  std::string encoding;  // or why no image can be read
+  std::string encoding;  // or the reason why no image is readable
   Eigen::Vector2i size = Eigen::Vector2i::Zero();
   std::optional<RosCameraInfo> info;
   bool rate = false, acceleration = false;
@@ -50,14 +50,14 @@ std::string lower(std::string text) {
   for (char& c : text) c = c == ' ' ? '_' : static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   return text;
 }
-/// Images of infrared light and of how sure depth is have 8 or 16 bits, too.
+/// True for infrared and depth confidence images, which also have 8 or 16 bits.
 bool is_beside_depth(const std::string& name) {
   const std::string n = lower(name);
   for (const char* word : {"infra", "/ir/", "confidence", "amplitude"})
     if (n.find(word) != n.npos) return true;
   return false;
 }
-/// librealsense's own recordings have topics /device_0/sensor_0/Depth_0/...: the first three names.
+/// Stream prefix of a topic in librealsense's own recordings: the first three names of /device_0/sensor_0/Depth_0/...
 std::optional<std::string> realsense_stream(const std::string& topic) {
   if (!topic.starts_with("/device_")) return std::nullopt;
   std::size_t end = 0;
@@ -65,7 +65,7 @@ std::optional<std::string> realsense_stream(const std::string& topic) {
   return topic.substr(0, end);
 }
 
-/// The begin of a recording.
+/// Content of the begin of a recording.
 class Survey {
  public:
   explicit Survey(RosRecording& recording) : recording_(recording) {
@@ -76,7 +76,7 @@ class Survey {
         if (!message) break;
         take(*message);
       } catch (const std::runtime_error&) {
-        // The frames that this costs tell of it.
+        // The affected frames report the error.
       }
     }
     seen_.resize(recording.topics().size());
@@ -95,14 +95,14 @@ class Survey {
     if (!is_image(topics()[topic]) || kind == RosImage::Kind::other) return Holds::other;
     return kind == RosImage::Kind::depth ? Holds::depth : Holds::colour;
   }
-  /// The frame that a topic's messages are in; empty: not told.
+  /// Frame id of a topic's messages; empty: unknown.
   [[nodiscard]] std::string frame_of(std::size_t topic) const {
     if (const auto stream = realsense_stream(topics()[topic].name)) return *stream;
     return seen_[topic].info ? seen_[topic].info->header.frame_id : seen_[topic].header.frame_id;
   }
-  /// Along the transforms that were seen; nothing where they do not lead there.
+  /// Chains the known transforms; empty if they do not connect the frames.
   [[nodiscard]] std::optional<Eigen::Isometry3d> transform(const std::string& to, const std::string& from) const;
-  /// The time of the first header beside that of its arrival, seconds.
+  /// Offset of the first header stamp from its arrival time, seconds.
   [[nodiscard]] double clock(std::size_t topic) const {
     return seen_[topic].header.stamp > 0 ? seen_[topic].header.stamp - seen_[topic].received : 0;
   }
@@ -117,7 +117,7 @@ class Survey {
   std::map<std::pair<std::string, std::string>, Eigen::Isometry3d> parent_from_child_;
   std::string device_;
   std::optional<double> first_;
-  double latest_ = 0;  // seconds, of arrival
+  double latest_ = 0;  // arrival time, seconds
 };
 
 bool Survey::is_enough() const {
@@ -135,7 +135,7 @@ bool Survey::is_enough() const {
                              : !several && seen.messages >= wanted;
     all &= is_seen || (several && long_enough);
   }
-  // Without an index a topic may yet come.
+  // Without an index, a topic may still appear.
   const bool indexed = !topics().empty() && topics()[0].messages;
   return (all && (indexed || long_enough)) || (long_enough && depth && info);
 }
@@ -144,7 +144,7 @@ void Survey::take(const RosMessage& message) {
   if (seen_.size() <= message.topic) seen_.resize(topics().size());
   const RosTopic& topic = topics()[message.topic];
   Seen& seen = seen_[message.topic];
-  // What librealsense knows before it begins is stamped with zero.
+  // librealsense stamps static data with zero.
   if (message.received > 1e-6 && !first_) first_ = message.received;
   latest_ = std::max(latest_, message.received);
   const bool first = ++seen.messages == 1;
@@ -167,7 +167,7 @@ void Survey::take(const RosMessage& message) {
       parent_from_child_.try_emplace({t.parent, t.child}, t.parent_from_child);
   } else if (const std::size_t at = topic.name.find("/tf/");
              at != std::string::npos && topic.type == "geometry_msgs/Transform") {
-    // librealsense keeps what takes a point from the group's reference to the stream.
+    // librealsense stores stream_from_reference, with the reference of the sensor group.
     const std::string reference = topic.name.substr(0, topic.name.find('/', 1)) + topic.name.substr(at);
     parent_from_child_.try_emplace({topic.name.substr(0, at), reference}, read_transform(bytes, topic.encoding));
   } else if (topic.type == "std_msgs/Float32") {
@@ -208,7 +208,7 @@ std::optional<Eigen::Isometry3d> Survey::transform(const std::string& to, const 
 
 const char* word_of(Holds holds) { return holds == Holds::depth ? "depth" : "colour"; }
 
-/// The topics that hold images, as an error or a warning names them.
+/// Lists the image topics for an error or a warning.
 std::string images_in(const Survey& survey) {
   std::vector<std::string> all;
   for (std::size_t i = 0; i < survey.topics().size(); ++i)
@@ -232,14 +232,14 @@ std::size_t topic_named(const Survey& survey, const std::string& name, Holds wan
                                        shown(name), is_depth ? "depth_topic" : "colour_topic", images_in(survey)));
 }
 
-/// How many names two topics have in common before they part: /a/depth/image and /a/color/image one.
+/// Number of leading names shared by two topics: one for /a/depth/image and /a/color/image.
 std::ptrdiff_t kinship(const std::string& a, const std::string& b) {
   const auto end = std::mismatch(a.begin(), a.end(), b.begin(), b.end()).first;
   return std::count(a.begin(), end, '/') - 1;
 }
 
-/// That with the most messages of those that hold what is wanted; if there is another topic that it belongs to, of
-/// those nearest to its name.
+/// Returns the named topic, else the best topic with the wanted content: color before gray, closest to `beside` by
+/// name, most messages.
 std::optional<std::size_t> choose(const Survey& survey, Holds wanted, const std::string& name,
                                   const std::string& beside = {}) {
   if (!name.empty()) return topic_named(survey, name, wanted);
@@ -263,8 +263,9 @@ std::optional<std::size_t> choose(const Survey& survey, Holds wanted, const std:
   return all[0];
 }
 
-/// The topic that tells of an image topic's camera: /camera/depth/camera_info of /camera/depth/image_raw,
-/// /device_0/sensor_0/Depth_0/info/camera_info of /device_0/sensor_0/Depth_0/image/data; else one of the same frame.
+/// Finds the camera_info topic of an image topic: /camera/depth/camera_info of /camera/depth/image_raw,
+/// /device_0/sensor_0/Depth_0/info/camera_info of /device_0/sensor_0/Depth_0/image/data; else a topic of the same
+/// frame.
 std::optional<std::size_t> camera_info_of(const Survey& survey, std::size_t image) {
   std::optional<std::size_t> best;
   std::tuple<std::size_t, bool, bool> best_rank;
@@ -285,7 +286,7 @@ std::optional<std::size_t> camera_info_of(const Survey& survey, std::size_t imag
   return best;
 }
 
-/// The camera of an image topic. Where a file tells the cameras, its size is enough.
+/// Camera of an image topic. If a user file defines the cameras, only the size is needed.
 Camera camera_of_topic(const Survey& survey, std::size_t image, std::optional<std::size_t> info, bool told) {
   const std::string& name = survey.topics()[image].name;
   const Eigen::Vector2i size = survey.seen(image).size;
@@ -319,7 +320,7 @@ Camera camera_of_topic(const Survey& survey, std::size_t image, std::optional<st
   return camera;
 }
 
-/// What a user calls the difference of two clocks.
+/// Clock difference for messages.
 std::string span_of(double seconds) {
   seconds = std::abs(seconds);
   return seconds > kYear ? fmt::format("{:.1f} years", seconds / kYear) : fmt::format("{:.1f} s", seconds);
@@ -335,7 +336,7 @@ RosStream stream_of(const Survey& survey, std::size_t topic, std::size_t depth) 
   return {.topic = topic, .after_arrival = survey.clock(depth)};
 }
 
-/// The topic of an inertial sensor that measures what is asked for: on the camera's own device rather than elsewhere.
+/// Finds an inertial topic with the wanted measurement, preferably on the camera's own device.
 std::optional<std::size_t> inertial(const Survey& survey, std::size_t depth, const std::string& depth_frame,
                                     bool Seen::*measures) {
   std::optional<std::size_t> best;
@@ -371,7 +372,7 @@ void set_inertial(const Survey& survey, const std::string& depth_frame, RosPlan&
   }
 }
 
-/// Where the colour camera is; nothing where colour lies on depth.
+/// Sets the color camera; stays empty if color is registered to depth.
 void set_colour(const Survey& survey, std::size_t colour, const std::string& depth_frame, bool told, RosPlan& plan) {
   const auto info = camera_info_of(survey, colour);
   const std::string frame = survey.frame_of(info.value_or(colour));
@@ -390,7 +391,7 @@ void set_colour(const Survey& survey, std::size_t colour, const std::string& dep
   plan.rig.colour = camera;
 }
 
-/// What librealsense tells of the device and of its unit.
+/// Sets sensor model and depth unit from librealsense's device topics.
 void set_realsense(const Survey& survey, RosPlan& plan) {
   const std::string& depth = survey.topics()[plan.depth.topic].name;
   if (!depth.starts_with("/device_")) return;
@@ -417,7 +418,7 @@ void set_interval(const Survey& survey, RosPlan& plan) {
   if (const double step = steps[steps.size() / 2]; step > 1e-3 && step < 1) plan.interval = step;
 }
 
-/// Whether it is what RunLog writes.
+/// True for a log written by RunLog.
 bool holds_a_log(const Survey& survey) {
   const auto& topics = survey.topics();
   return std::any_of(topics.begin(), topics.end(), [](const RosTopic& t) { return t.type == "cairn.Frame"; });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What a recording of ROS is about: which topics hold depth, colour and motion, and what the cameras are.
+// Content of a ROS recording: topics of depth, color and motion, and the cameras.
 #pragma once
 #include <optional>
 
@@ -10,26 +10,26 @@
 
 namespace cairn {
 
-/// A topic, and how its messages get their times.
+/// Topic, and the time source of its messages.
 struct RosStream {
   std::size_t topic = 0;
-  std::optional<double> after_arrival;  // seconds; nothing: messages have the times of their headers
+  std::optional<double> after_arrival;  // seconds; empty: header times are used
 };
 
 struct RosPlan {
   Rig rig;
   RosStream depth;
   std::optional<RosStream> colour, gyro, accelerometer;
-  double unit = 1e-3;          // metres, of depth in whole numbers
+  double unit = 1e-3;          // meters per unit of integer depth
   double interval = 1.0 / 30;  // seconds between depth images
   Eigen::Matrix3d depth_from_accelerometer = Eigen::Matrix3d::Identity();
 };
 
-/// Reads the begin of a recording, as far as it takes, and leaves it there again. Throws std::runtime_error with what
-/// is missing and what to do.
+/// Reads the begin of a recording as far as needed, and rewinds it. Throws std::runtime_error with the missing data and
+/// a remedy.
 [[nodiscard]] RosPlan plan_of(RosRecording& recording, const SourceOptions& options);
 
-/// Seconds; `header` as in the message.
+/// Time of a message in seconds; `header`: the message's header.
 [[nodiscard]] double time_of(const RosStream& stream, const RosMessage& message, const RosHeader& header);
 
 }  // namespace cairn
