@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Files of rosbag2 in SQLite: the tables `topics` and `messages`; messages may be packed with Zstandard one by one.
+// rosbag2 files in SQLite: the tables `topics` and `messages`; single messages may be compressed with Zstandard.
 #include <fmt/format.h>
 #include <sqlite3.h>
 
@@ -21,8 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::uint64_t kLargestMessage = 256 << 20, kShortest = 1 << 20;  // bytes of a row
-constexpr std::uint64_t kLeastRow = 4;                                     // bytes that a row takes in the file
-// Steps of SQLite's machine that a query takes, a byte of the file: a row takes 50, and has 100 bytes or more.
+constexpr std::uint64_t kLeastRow = 4;                                     // minimum bytes of a row in the file
+// Steps of SQLite's virtual machine allowed per file byte: a row takes 50 steps, and has 100 bytes or more.
 constexpr std::uint64_t kStepsPerByte = 4, kAnySteps = 10'000'000;
 constexpr int kStepsAtOnce = 10'000;
 constexpr std::string_view kZstd("\x28\xb5\x2f\xfd", 4);
@@ -33,7 +33,7 @@ struct Close {
 };
 using Statement = std::unique_ptr<sqlite3_stmt, Close>;
 
-/// A file as a URI; `immutable` where no journal lies beside it, since SQLite else wants to write beside it.
+/// File URI, `immutable` without a journal, because SQLite needs write access in the folder if not.
 std::string uri_of(const fs::path& file) {
   std::string uri = "file:";
   for (const char c : fs::absolute(file).string())
@@ -98,19 +98,18 @@ class Rosbag2Db3 final : public RosRecording {
                                 : shown(sqlite3_errmsg(database_.get()));
   }
 
-  /// Holds SQLite to the rows of tables: no code of the file's own runs, and no query takes longer than the file is
-  /// long.
+  /// Restricts SQLite to reading table rows: no code in the file runs, and query time is bounded by the file size.
   void distrust(std::uint64_t size) {
     sqlite3* database = database_.get();
     for (const int unwanted : {SQLITE_DBCONFIG_TRUSTED_SCHEMA, SQLITE_DBCONFIG_ENABLE_VIEW,
                                SQLITE_DBCONFIG_ENABLE_TRIGGER, SQLITE_DBCONFIG_ENABLE_LOAD_EXTENSION})
       sqlite3_db_config(database, unwanted, 0, nullptr);
-    // SQLite refuses a file that is cut off, but to those who repair it, which the defensive mode forbids.
+    // SQLite rejects truncated files unless writable_schema is set for repair, and the defensive mode forbids it.
     if (cut_off_)
       sqlite3_exec(database, "PRAGMA writable_schema = ON", nullptr, nullptr, nullptr);
     else
       sqlite3_db_config(database, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
-    // A row lies in the file's bytes, or it goes through some of them again and again.
+    // A row larger than the file would read some bytes repeatedly.
     sqlite3_limit(database, SQLITE_LIMIT_LENGTH,
                   static_cast<int>(std::clamp<std::uint64_t>(size, kShortest, kLargestMessage)));
     most_rows_ = size / kLeastRow;
@@ -124,8 +123,7 @@ class Rosbag2Db3 final : public RosRecording {
         this);
   }
 
-  /// Throws where a name is no table of stored rows: a view, a virtual table or a computed column runs what its maker
-  /// wrote.
+  /// Throws if a name is no table of stored rows: views, virtual tables and computed columns run code from the file.
   void require_table(const std::string& table) const {
     const auto refused = [&](const std::string& what) {
       return std::runtime_error(fmt::format("{}: is no file of rosbag2: its `{}` {}", name(), table, what));
@@ -149,7 +147,7 @@ class Rosbag2Db3 final : public RosRecording {
     return Statement(statement);
   }
 
-  /// Notes whether the file is shorter than its header tells: pages and their size, big endian.
+  /// Records a file shorter than the page count and page size (big-endian) in its header.
   void check_size(const fs::path& file) {
     FileBytes in(file);
     std::array<std::uint8_t, 100> head{};
@@ -183,8 +181,8 @@ class Rosbag2Db3 final : public RosRecording {
       throw std::runtime_error(fmt::format("{}: is no file of rosbag2: {}", name(), why()));
   }
 
-  /// Counts the messages, and sorts them where no index of the file does. Rows of a file that is cut off, whose index
-  /// may be lost, are read in the order in which they were written.
+  /// Counts the messages, and sorts them if the file has no index by time. Truncated files may have lost their index;
+  /// their rows are read in write order.
   void read_order() {
     if (cut_off_) return;
     has_index_of_times_ = has_index_of_times();
@@ -209,7 +207,7 @@ class Rosbag2Db3 final : public RosRecording {
       std::sort(order_.begin(), order_.end());
   }
 
-  /// The next row, as sqlite3_step() gives it. Looking up rows one by one takes no more steps than reading all of them.
+  /// Returns the next row, like sqlite3_step(). Reading rows one by one takes no more steps than reading all of them.
   int step() {
     if (order_.empty()) {
       steps_ = 0;
@@ -249,11 +247,11 @@ class Rosbag2Db3 final : public RosRecording {
 
   std::unique_ptr<sqlite3, Close> database_;
   Statement messages_;
-  std::uint64_t row_ = 0, rows_ = 0, most_rows_ = 0;  // the last one's number; those that were given
-  std::uint64_t steps_ = 0, most_steps_ = 0;          // of SQLite's machine, in one call
+  std::uint64_t row_ = 0, rows_ = 0, most_rows_ = 0;  // number of the last row; rows delivered
+  std::uint64_t steps_ = 0, most_steps_ = 0;          // of SQLite's virtual machine, in one call
   std::optional<std::string> cut_off_;
   bool has_index_of_times_ = false;
-  std::vector<std::pair<std::int64_t, std::int64_t>> order_;  // times and ids; empty: as the file gives them
+  std::vector<std::pair<std::int64_t, std::int64_t>> order_;  // times and ids; empty: file order
   std::vector<std::uint8_t> unpacked_;
   std::unordered_map<std::int64_t, std::size_t> topic_of_id_;
 };

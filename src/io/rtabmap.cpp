@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Images that RTAB-Map (Labbe & Michaud 2019) exports: rgb/ and depth/, named by their time stamps, and the calibration
-// in OpenCV's YAML. With the prefix rtabmap_ all the same.
+// Images exported by RTAB-Map (Labbe & Michaud 2019): rgb/ and depth/, named by timestamp, and the calibration in
+// OpenCV's YAML. All names may have the prefix rtabmap_.
 #include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
@@ -57,7 +57,7 @@ Calibration read_calibration(const fs::path& file) {
   }
 }
 
-/// calibration.yaml, or the first file of calib/.
+/// Returns calibration.yaml, calib.yaml, or the first YAML file of calib/.
 fs::path calibration_in(const fs::path& folder, const std::string& prefix) {
   for (const char* name : {"calibration.yaml", "calib.yaml"})
     if (fs::exists(folder / (prefix + name))) return folder / (prefix + name);
@@ -69,7 +69,7 @@ fs::path calibration_in(const fs::path& folder, const std::string& prefix) {
   return first;
 }
 
-/// `timestamp x y z qx qy qz qw`, perhaps with an id after it: poses of the robot's base.
+/// Reads lines `timestamp x y z qx qy qz qw`, optionally with an id: poses of the robot's base.
 Trajectory read_poses(const fs::path& file, const Eigen::Isometry3d& base_from_camera) {
   Trajectory poses;
   for_each_line(file, [&](int line, const std::vector<std::string>& words) {

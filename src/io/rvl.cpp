@@ -7,8 +7,8 @@
 namespace cairn {
 namespace {
 
-/// Numbers in pieces of four bits, the lowest three of them first, with a mark that there are more. Words of 32 bits in
-/// little endian hold eight pieces, the first one in the highest bits.
+/// Variable-length numbers in groups of four bits: three data bits, lowest first, and a continuation bit. Little-endian
+/// 32-bit words hold eight groups, the first in the highest bits.
 class Pieces {
  public:
   explicit Pieces(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}

@@ -8,9 +8,9 @@
 
 namespace cairn {
 
-/// An image of depth as "Fast Lossless Depth Image Compression" packs it (Wilson, ISS 2017): by turns how many pixels
-/// are 0, how many are not, and what each of these has more than the one before, in pieces of three bits. Throws
-/// std::runtime_error for bytes that are damaged or cut off.
+/// Decodes a depth image compressed by RVL ("Fast Lossless Depth Image Compression", Wilson, ISS 2017): alternating
+/// counts of zero and nonzero pixels, and the difference of each nonzero pixel from the previous, in groups of three
+/// bits. Throws std::runtime_error for damaged or truncated data.
 [[nodiscard]] std::vector<std::uint16_t> unpacked_rvl(std::span<const std::uint8_t> packed, std::size_t pixels);
 
 }  // namespace cairn

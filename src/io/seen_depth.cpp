@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Some depth images of a recording, decoded when it is opened for what nobody tells.
+// Analysis of some depth images when a recording is opened, for properties missing from its files.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -18,20 +18,21 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::size_t kSamples = 9;  // depth images that tell size, unit and blocks of all
-constexpr int kEvery = 7;            // pixel of these, at least
-constexpr int kPixels = 50'000;      // of an image, at most about
-constexpr double kCentral = 0.2;     // of the size: a principal point is that near to the middle of its own image
+constexpr std::size_t kSamples = 9;  // depth images sampled for size, unit and blocks
+constexpr int kEvery = 7;            // minimum pixel stride
+constexpr int kPixels = 50'000;      // approximate maximum of pixels per image
+constexpr double kCentral =
+    0.2;  // share of the size; maximum distance of a principal point from the middle of its own image
 
 std::uint16_t swapped(std::uint16_t value) { return static_cast<std::uint16_t>(value << 8 | value >> 8); }
 
 /// Values of some depth images of a recording.
 struct Sample {
   std::size_t tried = 0;
-  std::map<std::pair<int, int>, int> sizes;  // and how many have each
+  std::map<std::pair<int, int>, int> sizes;  // number of images of each size
   bool is_float = false;
-  std::vector<double> values;             // that are measurements, in the images' unit, sorted
-  std::vector<int> steps, swapped_steps;  // between neighbors of 16 bits, and with their bytes swapped
+  std::vector<double> values;             // valid measurements in the images' unit, sorted
+  std::vector<int> steps, swapped_steps;  // between neighboring 16-bit pixels, as stored and with swapped bytes
   DepthChanges changes;
   std::string first_problem;
   [[nodiscard]] Eigen::Vector2i usual_size() const {
@@ -41,7 +42,7 @@ struct Sample {
   }
 };
 
-/// Odd, as sizes of images are not.
+/// Pixel stride; odd, unlike image sizes.
 int every_pixel(const cv::Mat& image) { return std::max(kEvery, static_cast<int>(image.total()) / kPixels | 1); }
 
 void take_steps(const cv::Mat& image, Sample& seen) {
@@ -82,8 +83,8 @@ Sample sample(const std::vector<Recording::Entry>& entries, int invalid) {
   return seen;
 }
 
-/// Whether the two bytes of each value have changed places: depth goes on from pixel to pixel, and its low byte in
-/// place of the high one makes most steps a multiple of 256.
+/// True if the two bytes of each value are swapped: depth is continuous between pixels, and a low byte in place of the
+/// high byte makes most steps a multiple of 256.
 bool has_swapped_bytes(Sample& seen) {
   constexpr std::size_t kFewSteps = 1000;
   constexpr int kLeastStep = 256, kTimes = 16;
@@ -94,7 +95,7 @@ bool has_swapped_bytes(Sample& seen) {
     return *middle;
   };
   const int as_stored = median(seen.steps), turned = median(seen.swapped_steps);
-  // Values below 256 are no depth: multiples of 256 as they are stored have all they tell in one byte.
+  // Stored multiples of 256 have all their information in one byte and become values below 256, too small for depth.
   const auto tells_twice = [](double v) { return swapped(static_cast<std::uint16_t>(v)) >= 256; };
   const auto high = std::count_if(seen.values.begin(), seen.values.end(), tells_twice);
   return as_stored >= kLeastStep && turned * kTimes <= as_stored &&
@@ -108,10 +109,10 @@ struct Unit {
 constexpr Unit kMetres{1, "metres"}, kMillimetres{1000, "millimetres"}, kTum{5000, "units of 1/5000 m"},
     kTenth{10000, "units of 0.1 mm"};
 
-/// The unit in which the median is what a depth camera sees indoors.
+/// Estimates the unit with an indoor depth camera's range at the median.
 Unit guess_unit(const Sample& seen) {
-  constexpr double kNearest = 0.15, kFarthest = 6.5;    // metres, of a median
-  constexpr double kRoom = 4000, kMostInRoom = 10'000;  // millimetres: median, and what few see, of a depth camera
+  constexpr double kNearest = 0.15, kFarthest = 6.5;    // meters, of a median
+  constexpr double kRoom = 4000, kMostInRoom = 10'000;  // millimeters: median, and a high value rare for depth cameras
   constexpr std::size_t kFewValues = 20;
   if (seen.values.empty()) return seen.is_float ? kMetres : kMillimetres;
   const double median = seen.values[seen.values.size() / 2];
@@ -119,21 +120,21 @@ Unit guess_unit(const Sample& seen) {
     return median >= kNearest * unit.per_metre && median <= kFarthest * unit.per_metre;
   };
   if (seen.is_float) return fits(kMillimetres) ? kMillimetres : kMetres;
-  // TUM's tools multiply millimetres by five. Where there are few values, or all are multiples of ten, that says
-  // nothing.
+  // TUM's tools multiply millimeters by five. With few values, or with multiples of ten only, the factor is no
+  // evidence.
   const auto all_are_multiples = [&](double of) {
     return std::all_of(seen.values.begin(), seen.values.end(), [&](double v) { return std::fmod(v, of) == 0; });
   };
   const std::set<double> different(seen.values.begin(), seen.values.end());
   if (fits(kTum) && different.size() >= kFewValues && all_are_multiples(5) && !all_are_multiples(10)) return kTum;
-  // As millimetres, TUM's desks at 1.1 m would be halls.
+  // Read as millimeters, TUM's desks at 1.1 m would be as far as the walls of halls.
   if (fits(kTum) && median > kRoom && seen.values[seen.values.size() * 99 / 100] > kMostInRoom) return kTum;
   for (const Unit& unit : {kMillimetres, kTum, kTenth})
     if (fits(unit)) return unit;
   return kMillimetres;
 }
 
-/// The cameras now that their sizes are known.
+/// Checks the cameras once their sizes are known.
 void check_in(const Recording& recording) {
   try {
     check(recording.rig);
@@ -142,7 +143,7 @@ void check_in(const Recording& recording) {
   }
 }
 
-/// A size that nobody tells is that of the images in whose middle the principal point is: those of depth, or of color.
+/// Sets a missing size to the image size with the principal point near its middle: depth's or color's.
 void take_size(const Eigen::Vector2i& depth, Recording& recording) {
   Camera& camera = recording.rig.depth;
   const auto is_central = [&](const Eigen::Vector2i& size) {
@@ -193,7 +194,7 @@ void find_unit(const Sample& seen, Recording& recording) {
                   unit.words, median));
 }
 
-/// Depth that was enlarged keeps one pixel of each block, and its camera the view of these.
+/// Keeps one pixel of each block of enlarged depth, with a camera scaled to match.
 void take_blocks(const Sample& seen, Recording& recording) {
   Camera& camera = recording.rig.depth;
   auto [columns, rows] = seen.changes.blocks();
@@ -202,7 +203,7 @@ void take_blocks(const Sample& seen, Recording& recording) {
   if (columns.empty() || seen.usual_size() != stored) return;
   const Rig before = recording.rig;
   camera = scaled_to(camera, size);
-  if (!recording.rig.colour) {  // color stays as large as it is
+  if (!recording.rig.colour) {  // keep the color size
     const auto color = usual_color_size(recording.entries);
     if (color) recording.rig.colour = ColourCamera{.camera = scaled_to(before.depth, *color)};
   }
@@ -229,7 +230,7 @@ void take_blocks(const Sample& seen, Recording& recording) {
 void see_images(Recording& recording) {
   Sample seen = sample(recording.entries, recording.invalid_depth);
   if (seen.sizes.empty()) {
-    if (recording.size_is_told && recording.unit_is_told) return;  // each frame tells its problem
+    if (recording.size_is_told && recording.unit_is_told) return;  // each frame reports its own problem
     throw std::runtime_error(
         fmt::format("{}; {} of {} depth images were tried", seen.first_problem, seen.tried, recording.entries.size()));
   }
@@ -240,7 +241,7 @@ void see_images(Recording& recording) {
   }
   std::sort(seen.values.begin(), seen.values.end());
   if (recording.camera_is_missing) {
-    recording.rig.depth = scaled_to(Camera{}, seen.usual_size());  // for the message
+    recording.rig.depth = scaled_to(Camera{}, seen.usual_size());  // for the error message
     return;
   }
   scale_camera(seen, recording);

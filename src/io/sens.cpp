@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// ScanNet's recordings (Dai et al. 2017), version 4: a header with both cameras, then frame after frame, little endian.
-// Frames of the inertial sensor, which may follow, are passed over.
+// ScanNet recordings (Dai et al. 2017), version 4: a header with both cameras, then the frames, little-endian. Inertial
+// frames, which may follow, are skipped.
 #include "io/sens.hpp"
 
 #include <fmt/format.h>
@@ -29,8 +29,8 @@ namespace {
 namespace fs = std::filesystem;
 static_assert(std::endian::native == std::endian::little, "numbers are read as they lie in the file");
 constexpr std::uint32_t kVersion = 4;
-constexpr double kFrameRate = 30.0;       // Hz, where no frame has a time stamp
-constexpr double kMostColourDelay = 1.0;  // seconds; more are two clocks
+constexpr double kFrameRate = 30.0;       // Hz, if no frame has a timestamp
+constexpr double kMostColourDelay = 1.0;  // seconds; larger delays come from different clocks
 constexpr std::uint64_t kLongestName = 4096;
 
 enum class ColourKind { raw, png, jpeg };
@@ -45,7 +45,7 @@ struct FrameHead {
 static_assert(sizeof(FrameHead) == 96);
 
 struct Indexed {
-  std::uint64_t place;  // of the colour bytes, which the depth bytes follow
+  std::uint64_t place;  // position of the color bytes, followed by the depth bytes
   std::uint64_t colour_size, depth_size;
   double timestamp, colour_delay = 0;
   std::optional<Eigen::Isometry3d> world_from_camera;
@@ -61,7 +61,7 @@ struct SensFile {
   std::optional<std::string> cut_off;
 };
 
-/// The next field of the header.
+/// Reads the next header field.
 template <class T>
 T field(FileBytes& in, const char* what) {
   T value;
@@ -118,7 +118,7 @@ void read_header(FileBytes& in, SensFile& file) {
     file.depth = static_cast<DepthKind>(depth);
     check_depth_scale(file.depth_scale);
     file.rig = camera_of(sizes[2], sizes[3], depth_intrinsic);
-    if (sizes[0] == 0 || sizes[1] == 0) return;  // no colour
+    if (sizes[0] == 0 || sizes[1] == 0) return;  // no color
     const ColourCamera beside{camera_of(sizes[0], sizes[1], colour_intrinsic),
                               extrinsic(colour_extrinsic, "colour").inverse() * extrinsic(depth_extrinsic, "depth")};
     if (beside != ColourCamera{.camera = file.rig.depth}) file.rig.colour = beside;
@@ -128,7 +128,7 @@ void read_header(FileBytes& in, SensFile& file) {
   }
 }
 
-/// Times in seconds, from each frame's own or, where no frame has one, from the rate.
+/// Sets times in seconds, from each frame's timestamp or, if all are zero, from the rate.
 void set_times(std::vector<Indexed>& frames, const std::vector<std::array<std::uint64_t, 2>>& microseconds) {
   const bool stamped = std::any_of(microseconds.begin(), microseconds.end(), [](const auto& t) { return t[0] != 0; });
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -178,7 +178,7 @@ class SensSource final : public Source {
  public:
   SensSource(const fs::path& path, const FrameRange& range, bool depth_only)
       : file_(index_sens(path)), in_(path), range_(range), depth_only_(depth_only), next_(range.begin) {
-    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // what is wrong goes into Frame::problem
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors go into Frame::problem
     end_ = static_cast<int>(file_.frames.size());
     if (range.end) end_ = std::min(end_, *range.end);
   }
@@ -214,7 +214,7 @@ class SensSource final : public Source {
     try {
       frame.colour = read_colour(entry);
     } catch (const std::exception&) {
-      // Depth alone is still a frame.
+      // Frames without color are still valid.
     }
     return frame;
   }
@@ -230,7 +230,7 @@ class SensSource final : public Source {
 
   std::vector<float> read_depth(const Indexed& entry) {
     const std::size_t count = product(file_.rig.depth.width, file_.rig.depth.height);
-    // Raw, or packed into more than raw with zlib's own words: no image is larger.
+    // Upper bound for raw data, and for zlib data with its overhead.
     if (entry.depth_size > 4 * count + 1024)
       throw std::runtime_error(fmt::format("depth has {} bytes, more than its size allows", entry.depth_size));
     const auto bytes = read_bytes(entry.place + entry.colour_size, entry.depth_size);

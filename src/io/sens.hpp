@@ -8,11 +8,11 @@
 
 namespace cairn {
 
-/// The frames of a .sens file of ScanNet, version 4. Only an index of the frames is held. Throws std::runtime_error
-/// with what is wrong, at which byte or frame, and what to do.
+/// Opens a .sens file of ScanNet, version 4. Only a frame index is kept in memory. Throws std::runtime_error with the
+/// error, its byte or frame, and a remedy.
 [[nodiscard]] std::unique_ptr<Source> open_sens(const std::filesystem::path& file, const FrameRange& range = {},
                                                 bool depth_only = false);
-/// The poses in a .sens file, by frame timestamp; frames without one are left out.
+/// Reads the poses of a .sens file, by frame timestamp; frames without a pose are skipped.
 [[nodiscard]] Trajectory sens_truth(const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// 7-Scenes (Shotton et al. 2013): frame-000000.{depth.png,color.png or jpg,pose.txt}, depth in millimetres.
+// 7-Scenes (Shotton et al. 2013): frame-000000.{depth.png,color.png or jpg,pose.txt}, depth in millimeters.
 #include <fmt/format.h>
 
 #include <stdexcept>
@@ -16,9 +16,9 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kFrameRate = 30.0;  // Hz; the set has no timestamps
+constexpr double kFrameRate = 30.0;  // Hz; the data set has no timestamps
 
-/// Of frame-000012.depth.png.
+/// Returns the number in frame-000012.depth.png.
 std::optional<int> number_of_image(const fs::path& image) {
   const std::string stem = image.filename().string();
   constexpr std::string_view kBefore = "frame-", kAfter = ".depth.png";
@@ -51,7 +51,7 @@ std::optional<Recording> read_seven_scenes(const fs::path& folder) {
     if (const auto number = number_of_image(image)) numbers.push_back(*number);
   if (numbers.empty()) return std::nullopt;
   const Camera camera = known_camera("seven-scenes")->camera;
-  // With another camera beside them, or of another size, the images are somebody else's.
+  // Images with another camera file or of another size do not belong to the data set.
   if (is_told_another(folder, camera)) return std::nullopt;
   for (const int i : numbers)
     if (const auto size = size_of_image(name(i, "depth.png"))) {

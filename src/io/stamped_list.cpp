@@ -15,10 +15,10 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-// Between images, in units of a clock: 0.008 to 8 s, so that the units share no step. As in image_names.cpp.
+// Steps between images, in clock units: 0.008 to 8 s, so that the units' ranges do not overlap. As in image_names.cpp.
 constexpr double kMilliseconds = 8, kMicroseconds = 8e3, kNanoseconds = 8e6;
 
-/// A line's words with commas for spaces; where a comma stands it ends a word alone.
+/// Splits a line's words at commas.
 std::vector<std::string> fields_of(const std::vector<std::string>& words) {
   std::vector<std::string> fields;
   for (const std::string& word : words) {
@@ -32,7 +32,7 @@ std::vector<std::string> fields_of(const std::vector<std::string>& words) {
   return fields;
 }
 
-/// Times and paths by turns, at most so many: a path goes up to the next word that is a number, or to the end.
+/// Groups times and paths, at most `most`: a path ends before the next number, or at the end of the line.
 std::vector<std::pair<std::string, std::string>> groups_of(const std::vector<std::string>& fields, std::size_t most) {
   std::vector<std::pair<std::string, std::string>> groups;
   for (std::size_t i = 0; i < fields.size(); ++i) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Stray Scanner (iPhones and iPads with LiDAR): rgb.mp4 with an image for each line of odometry.csv, depth in
-// millimetres and its confidence as images, camera_matrix.csv.
+// millimeters and confidence as images, and camera_matrix.csv.
 #include "io/stray_scanner.hpp"
 
 #include <fmt/format.h>
@@ -28,7 +28,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What stands between the commas of a line. Numbers have no spaces.
+/// Splits a line at commas. Numbers contain no spaces.
 std::vector<std::string> fields_of(const std::vector<std::string>& words) {
   std::vector<std::string> fields(1);
   for (const auto& word : words)
@@ -40,7 +40,7 @@ std::vector<std::string> fields_of(const std::vector<std::string>& words) {
   return fields;
 }
 
-/// Images of a video by their numbers, which grow from call to call.
+/// Video images by number; numbers must increase from call to call.
 class NumberedImages {
  public:
   explicit NumberedImages(const fs::path& file)
@@ -48,7 +48,7 @@ class NumberedImages {
   [[nodiscard]] int width() const { return file_.tracks()[static_cast<std::size_t>(track_)].width; }
   [[nodiscard]] int height() const { return file_.tracks()[static_cast<std::size_t>(track_)].height; }
 
-  /// Empty: there is none with this number that can be decoded.
+  /// Returns the image with this number; empty if it cannot be decoded.
   [[nodiscard]] std::vector<std::uint32_t> colour(int number) {
     while (number_ < number && next()) continue;
     if (at_end_ && number_ < number && !told_) {
@@ -72,7 +72,8 @@ class NumberedImages {
     throw std::runtime_error(name_ + ": has no track of video");
   }
 
-  /// Images come by their times. One that is damaged may not come at all: what went in tells that it was there.
+  /// Advances to the next decoded image, in time order. Damaged images may be missing from the output, so packet times
+  /// give the number.
   bool next() {
     for (;;) {
       try {
@@ -85,7 +86,7 @@ class NumberedImages {
         if (at_end_) return false;
         read_on();
       } catch (const std::runtime_error&) {
-        // The images after it may be whole.
+        // Later images may be intact.
       }
     }
   }
@@ -95,7 +96,7 @@ class NumberedImages {
     try {
       packet = file_.next();
     } catch (const std::runtime_error&) {
-      // Ends here.
+      // End of the readable part.
     }
     if (!packet) {
       at_end_ = true;
@@ -110,13 +111,13 @@ class NumberedImages {
   VideoFile file_;
   int track_;
   VideoDecoder decoder_;
-  std::optional<VideoImage> image_;  // the last that came
-  int number_ = -1;                  // its
-  std::set<double> expected_;        // times of packets whose images have not come
+  std::optional<VideoImage> image_;  // last decoded image
+  int number_ = -1;                  // its number
+  std::set<double> expected_;        // times of packets without a decoded image so far
   bool at_end_ = false, told_ = false;
 };
 
-/// Of camera_matrix.csv; the size is not there.
+/// Reads camera_matrix.csv, which has no image size.
 Camera read_matrix(const fs::path& file) {
   std::vector<double> m;
   for_each_line(file, [&](int line, const std::vector<std::string>& words) {
@@ -137,7 +138,7 @@ Camera read_camera(const fs::path& file, int width, int height) {
   return camera;
 }
 
-/// The columns of a header that are needed, and what a line has in them.
+/// Required columns of a header, and their values in a line.
 class Columns {
  public:
   Columns(fs::path file, std::vector<std::string_view> names) : file_(std::move(file)), names_(std::move(names)) {}
@@ -166,7 +167,8 @@ class Columns {
   std::vector<std::size_t> columns_;
 };
 
-/// Calls `take(line number, values)` for each line of a file with a header, until one is wrong: why is returned.
+/// Calls `take(line number, values)` for each line of a file with a header, up to the first invalid line; returns the
+/// error.
 std::optional<std::string> for_each_line_of(const fs::path& file, const std::vector<std::string_view>& names,
                                             const std::function<void(int, const std::vector<double>&)>& take) {
   Columns columns(file, names);
@@ -193,8 +195,8 @@ struct OdometryLine {
   StampedPose pose;
 };
 
-/// The app turns ARKit's poses so that the camera looks along +z with y down before it writes them
-/// (OdometryEncoder.swift), as ours do.
+/// Reads a line of odometry.csv. The app rotates ARKit's poses before writing, so that the camera looks along +z with y
+/// down (OdometryEncoder.swift), the same as Cairn's.
 OdometryLine odometry_of(const std::vector<double>& v, const fs::path& file, int line) {
   if (!(v[1] >= 0 && v[1] < 1e6 && v[1] == std::floor(v[1])))
     throw std::runtime_error(fmt::format("{}:{}: the frame's number is {}", file.string(), line, v[1]));
@@ -213,7 +215,7 @@ bool ends_with_a_line(const fs::path& file) {
   return in.get() == '\n';
 }
 
-/// Lines in the order of time. `ended_early` is set where the last line was cut off.
+/// Reads odometry.csv, sorted by time. `ended_early` is set if the last line is truncated.
 std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std::string>& ended_early) {
   std::vector<OdometryLine> lines;
   const auto wrong = for_each_line_of(
@@ -222,13 +224,13 @@ std::vector<OdometryLine> read_odometry(const fs::path& file, std::optional<std:
   if (wrong && (lines.empty() || ends_with_a_line(file))) throw std::runtime_error(*wrong);
   if (wrong) ended_early = *wrong + ": the recording is cut off here";
   if (lines.empty()) throw std::runtime_error(file.string() + ": holds no pose");
-  // Images of the video come by their times.
+  // Video images are in time order.
   std::stable_sort(lines.begin(), lines.end(),
                    [](const OdometryLine& a, const OdometryLine& b) { return a.pose.timestamp < b.pose.timestamp; });
   return lines;
 }
 
-/// What is wrong with the file costs the gyroscope only.
+/// Reads the gyroscope; errors in the file only disable the gyroscope.
 std::vector<AngularRate> read_gyroscope(const fs::path& file, double begin, double end) {
   std::vector<AngularRate> samples;
   std::optional<std::string> wrong;
@@ -250,11 +252,11 @@ std::vector<AngularRate> read_gyroscope(const fs::path& file, double begin, doub
   return {};
 }
 
-/// Whether the phone turned as its gyroscope tells in the axes that it should have: so much that one can say, and more
-/// nearly so than in any others.
+/// True if the gyroscope in the expected axes matches the rotation of the poses: there is enough rotation to decide,
+/// and other axes match worse.
 bool fits(const std::vector<AngularRate>& gyro, const Trajectory& poses, const Eigen::Quaterniond& camera_from_imu) {
   constexpr double kTurning = 0.05;  // rad/s, root mean square
-  constexpr double kApart = 0.5;     // of the rate, at most; in other axes it is 1 and more
+  constexpr double kApart = 0.5;     // maximum difference as a share of the rate; 1 or more for wrong axes
   double turned = 0, apart = 0, count = 0;
   auto sample = gyro.begin();
   for (std::size_t i = 1; i < poses.size(); ++i) {
@@ -274,7 +276,7 @@ bool fits(const std::vector<AngularRate>& gyro, const Trajectory& poses, const E
   return turned > count * kTurning * kTurning && apart < kApart * kApart * turned;
 }
 
-/// The images of each line of odometry.csv, and their size.
+/// Adds the images of each line of odometry.csv and returns their size.
 cv::Size read_images(const fs::path& folder, Recording& recording) {
   const auto odometry = read_odometry(folder / "odometry.csv", recording.ended_early);
   std::optional<cv::Size> size;
@@ -285,7 +287,7 @@ cv::Size read_images(const fs::path& folder, Recording& recording) {
     if (!size) try {
         size = decode_image(read_whole(entry.depth), Pixels::as_stored).size();
       } catch (const std::runtime_error&) {
-        // Told when the frame is read; another one knows the size.
+        // Reported when the frame is read; another image defines the size.
       }
     recording.entries.push_back(std::move(entry));
     recording.truth.push_back(line.pose);
@@ -296,12 +298,12 @@ cv::Size read_images(const fs::path& folder, Recording& recording) {
   return *size;
 }
 
-/// The size of the video that camera_matrix.csv is of, where the video is missing: that of ARKit's of depth's shape in
-/// whose middle the principal point is. Throws where it is in no one's.
+/// Size of the missing video described by camera_matrix.csv: the ARKit size of depth's aspect ratio with the principal
+/// point near its middle. Throws if no size fits.
 cv::Size size_of_video(const fs::path& file, const Camera& told, const cv::Size& depth) {
   const cv::Size kSizes[] = {{1920, 1440}, {1280, 960},  {1024, 768},  {960, 720},   {640, 480},
                              {4032, 3024}, {3840, 2880}, {3840, 2160}, {1920, 1080}, {1280, 720}};
-  constexpr double kMostBeside = 0.05;  // of the size, as far as Apple's principal points are from the middle
+  constexpr double kMostBeside = 0.05;  // share of the size; maximum offset of Apple's principal points from the middle
   const auto beside = [&](const cv::Size& size) {
     return std::max(std::abs(told.cx / size.width - 0.5), std::abs(told.cy / size.height - 0.5));
   };
@@ -321,7 +323,7 @@ cv::Size size_of_video(const fs::path& file, const Camera& told, const cv::Size&
   return best;
 }
 
-/// `video`: the size of its images, zero where it is missing.
+/// Sets the cameras. `video`: size of its images, zero if missing.
 void take_cameras(const fs::path& folder, const cv::Size& depth, cv::Size video, Recording& recording) {
   const fs::path file = folder / "camera_matrix.csv";
   if (!fs::exists(file)) {
@@ -347,7 +349,7 @@ void take_cameras(const fs::path& folder, const cv::Size& depth, cv::Size video,
 
 std::optional<Recording> read_stray_scanner(const fs::path& folder) {
   const bool has_video = fs::exists(folder / "rgb.mp4");
-  // odometry.csv is a name that others give, too.
+  // Other programs use the name odometry.csv too.
   if (!has_video && !(fs::exists(folder / "odometry.csv") && fs::is_directory(folder / "depth") &&
                       (fs::exists(folder / "camera_matrix.csv") || fs::is_directory(folder / "confidence"))))
     return std::nullopt;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Order of time of images and samples that wait in a reader.
+// Time order of queued images and samples in a reader.
 #pragma once
 #include <cstddef>
 #include <deque>
@@ -10,10 +10,10 @@
 
 namespace cairn {
 
-/// Depth images that wait, so that those among them that come out of order are sorted.
+/// Number of queued depth images, large enough to sort images out of order.
 inline constexpr std::size_t kSortedImages = 8;
 
-/// Puts a value behind those that are not later. `time`: a member, or a function, that gives a value's time.
+/// Inserts a value after all values that are not later. `time`: member or function that returns a value's time.
 template <class T, class Time>
 void put_by_time(std::deque<T>& values, T value, const Time& time) {
   auto at = values.end();

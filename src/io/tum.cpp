@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// TUM RGB-D benchmark (Sturm et al. 2012): rgb.txt and depth.txt list images with their times.
+// TUM RGB-D benchmark (Sturm et al. 2012): rgb.txt and depth.txt list images with times.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kMaxTimeDifference = 0.02;  // seconds between a depth image and its colour image
+constexpr double kMaxTimeDifference = 0.02;  // seconds between a depth image and its color image
 
 struct Benchmark {
   std::string_view full, brief;  // in the names of its folders
@@ -32,7 +32,7 @@ constexpr Benchmark kBenchmarks[] = {{"freiburg1", "fr1", "freiburg1"},
                                      {"rgbd_bonn", "", "bonn"}};
 constexpr double kFirstOfTum = 1.30e9, kLastOfTum = 1.35e9;  // seconds since 1970: 2011 and 2012
 
-/// Whether a word stands in a name with neither letters nor digits around it.
+/// True if a name contains the word without adjacent letters or digits.
 bool has_word(const std::string& name, std::string_view word) {
   const auto is_part = [&](std::size_t at) {
     return at < name.size() && std::isalnum(static_cast<unsigned char>(name[at])) != 0;
@@ -42,7 +42,7 @@ bool has_word(const std::string& name, std::string_view word) {
   return false;
 }
 
-/// The comment at the top of depth.txt: `# file: 'rgbd_dataset_freiburg1_xyz.bag'`.
+/// Reads the comment at the top of depth.txt: `# file: 'rgbd_dataset_freiburg1_xyz.bag'`.
 std::string heading_of(const fs::path& list) {
   std::ifstream in(list);
   std::string heading, line;
@@ -50,8 +50,8 @@ std::string heading_of(const fs::path& list) {
   return heading;
 }
 
-/// The calibration published with a benchmark. Evidence is the name that the benchmark's own list has at its top, or
-/// the folder's name with images of the benchmark's size, and of its years where the name is brief.
+/// Returns the published calibration of a benchmark. Evidence is the benchmark's name at the top of its list, or a
+/// folder name together with images of the benchmark's size and, for short names, times in the benchmark's years.
 const KnownCamera* known_by_evidence(const fs::path& folder, const std::vector<Stamped>& depth) {
   const std::string heading = heading_of(folder / "depth.txt");
   for (const Benchmark& b : kBenchmarks)
@@ -69,7 +69,7 @@ const KnownCamera* known_by_evidence(const fs::path& folder, const std::vector<S
   return nullptr;
 }
 
-/// That of the first image that can be read.
+/// Sets the camera size from the first readable image.
 void take_size(const fs::path& file, const std::vector<Stamped>& depth, Camera& camera) {
   std::optional<Eigen::Vector2i> size;
   for (std::size_t i = 0; i < depth.size() && !size; ++i) size = size_of_image(depth[i].image);
@@ -84,7 +84,7 @@ void take_size(const fs::path& file, const std::vector<Stamped>& depth, Camera& 
   }
 }
 
-/// For each depth image its colour image, or -1.
+/// Returns the color image of each depth image, or -1.
 std::vector<int> pair_by_time(const std::vector<Stamped>& depth, const std::vector<Stamped>& colour,
                               const fs::path& file) {
   const auto times_of = [](const std::vector<Stamped>& list) {
@@ -100,8 +100,8 @@ std::vector<int> pair_by_time(const std::vector<Stamped>& depth, const std::vect
   }
 }
 
-/// `fx fy cx cy` of ETH3D's SLAM benchmark (Schöps et al. 2019), whose images have no lens; their size is the first's
-/// that can be read.
+/// Reads `fx fy cx cy` of ETH3D's SLAM benchmark (Schöps et al. 2019), with undistorted images; the size comes from the
+/// first readable image.
 Camera read_calibration(const fs::path& file, const std::vector<Stamped>& depth) {
   Camera camera;
   int lines = 0;
@@ -116,7 +116,7 @@ Camera read_calibration(const fs::path& file, const std::vector<Stamped>& depth)
   return camera;
 }
 
-/// ETH3D's calibration and the benchmarks' known ones; camera files of other names are settle_camera()'s.
+/// Sets ETH3D's calibration or a benchmark's known calibration; settle_camera() handles other camera files.
 void take_camera(const fs::path& folder, const std::vector<Stamped>& depth, Recording& recording) {
   const auto file = intrinsics_file(folder);
   if (file && file->filename() == "calibration.txt") {
@@ -157,7 +157,8 @@ std::optional<Recording> read_tum(const fs::path& folder) {
              static_cast<std::ptrdiff_t>(colour.size()) - paired)});
   for (std::size_t i = 0; i < depth.size(); ++i) {
     Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}, .acceleration = {}};
-    std::error_code ignored;  // a name that no file system takes names no file here; the depth image says so
+    std::error_code
+        ignored;  // a name invalid for the file system has no confidence file; the depth image reports the error
     if (const auto confidence = folder / "confidence" / depth[i].image.filename(); fs::exists(confidence, ignored))
       entry.confidence = confidence;
     if (match[i] >= 0) {

@@ -12,8 +12,8 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kMostSide = 4096;  // pixels, as of a Camera
-constexpr int kBlock = 64;       // pixels, of the largest blocks that codecs make images of
+constexpr int kMostSide = 4096;  // pixels, the limit of Camera
+constexpr int kBlock = 64;       // pixels, largest block size of codecs
 constexpr double kNoTime = -std::numeric_limits<double>::infinity();
 
 VideoTags tags_of(const AVDictionary* dictionary) {
@@ -101,7 +101,7 @@ std::vector<std::uint32_t> VideoImage::colour() const {
   if (converter == nullptr) throw std::runtime_error("its pixels are of a kind that is not colour");
   const int full = frame_->color_range == AVCOL_RANGE_JPEG || format == AV_PIX_FMT_YUVJ420P ||
                    format == AV_PIX_FMT_YUVJ422P || format == AV_PIX_FMT_YUVJ444P;
-  // Fails for pixels that are RGB already, which need none of it.
+  // Fails for RGB pixels, which need no conversion.
   (void)ffmpeg().sws_setColorspaceDetails(converter.get(), ffmpeg().sws_getCoefficients(frame_->colorspace), full,
                                           ffmpeg().sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, 1 << 16, 1 << 16);
   std::vector<std::uint32_t> pixels(static_cast<std::size_t>(width()) * static_cast<std::size_t>(height()));
@@ -136,13 +136,14 @@ VideoDecoder::VideoDecoder(const VideoFile& file, int track) : tick_(av_q2d(file
     throw std::runtime_error(std::string("FFmpeg cannot decode ") + ffmpeg().avcodec_get_name(parameters->codec_id));
   context_.reset(made(ffmpeg().avcodec_alloc_context3(codec)));
   int error = ffmpeg().avcodec_parameters_to_context(context_.get(), parameters);
-  // A packet may tell another size than its track, and FFmpeg gets memory for it; codecs round sizes up.
+  // A packet may declare a larger size than its track, and FFmpeg allocates memory for it; codecs round sizes up.
   const bool is_told = parameters->width > 0 && parameters->width <= kMostSide && parameters->height > 0 &&
                        parameters->height <= kMostSide;
   context_->max_pixels = is_told ? std::int64_t{parameters->width + kBlock} * (parameters->height + kBlock)
                                  : std::int64_t{kMostSide} * kMostSide;
-  context_->thread_type = FF_THREAD_SLICE;  // threads for frames would keep images back
-  if (codec->id == AV_CODEC_ID_MJPEG) context_->err_recognition = AV_EF_EXPLODE;  // else the rest of an image is grey
+  context_->thread_type = FF_THREAD_SLICE;  // frame threads would delay images
+  if (codec->id == AV_CODEC_ID_MJPEG)
+    context_->err_recognition = AV_EF_EXPLODE;  // if not set, the rest of a damaged image is gray
   if (error >= 0) error = ffmpeg().avcodec_open2(context_.get(), codec, nullptr);
   if (error < 0)
     throw std::runtime_error("its " + std::string(codec->name) + " cannot be decoded (" + ffmpeg_error(error) + ")");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Video containers (Matroska, MP4) and what is encoded in them, by FFmpeg's libraries; the only door to these.
+// Video containers (Matroska, MP4) and decoding of their tracks. The only file with calls of FFmpeg's decoders.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -20,14 +20,14 @@ namespace cairn {
 
 using VideoTags = std::map<std::string, std::string>;
 
-/// An encoded image or whatever else a track holds.
+/// Packet of a track: an encoded image or other data.
 class VideoPacket {
  public:
   VideoPacket(AVPacket* owned, double time);
   [[nodiscard]] int track() const;
-  /// Seconds; -infinity where the file does not tell.
+  /// Time in seconds; -infinity if unknown.
   [[nodiscard]] double time() const { return time_; }
-  /// Where it begins in the file, bytes; -1 where that is not known.
+  /// Position in the file, bytes; -1 if unknown.
   [[nodiscard]] std::int64_t position() const;
   [[nodiscard]] std::span<const std::uint8_t> bytes() const;
 
@@ -41,15 +41,15 @@ class VideoPacket {
   double time_;
 };
 
-/// A container, read in order.
+/// Container file, read sequentially.
 class VideoFile {
  public:
   enum class Format { matroska, mp4 };
   struct Track {
     bool is_video = false;
-    std::string codec;          // as FFmpeg calls it: mjpeg, rawvideo, h264
+    std::string codec;          // FFmpeg's name: mjpeg, rawvideo, h264
     int width = 0, height = 0;  // pixels
-    double interval = 0;        // seconds between images; 0: the file does not tell
+    double interval = 0;        // seconds between images; 0: unknown
     VideoTags tags;
   };
   struct Attachment {
@@ -57,13 +57,13 @@ class VideoFile {
     std::string bytes;
   };
 
-  /// Throws std::runtime_error with the file and what is wrong with it. A file that refers to others does not open
-  /// them.
+  /// Opens a file. Throws std::runtime_error with the file and its error. External files referenced by the container
+  /// are not opened.
   VideoFile(const std::filesystem::path& file, Format format);
   [[nodiscard]] const std::vector<Track>& tracks() const { return tracks_; }
   [[nodiscard]] const std::vector<Attachment>& attachments() const { return attachments_; }
   [[nodiscard]] const VideoTags& tags() const { return tags_; }
-  /// The next packet of any track, or nothing at the end. Throws where the file cannot be read on.
+  /// Returns the next packet of any track, or empty at the end. Throws on a read error.
   [[nodiscard]] std::optional<VideoPacket> next();
 
  private:
@@ -78,17 +78,17 @@ class VideoFile {
   VideoTags tags_;
 };
 
-/// A decoded image, as the sensor saw it: a rotation that the file asks players for is not applied.
+/// Decoded image, in sensor orientation: rotation tags for players are not applied.
 class VideoImage {
  public:
   VideoImage(AVFrame* owned, double time) : frame_(owned), time_(time) {}
-  /// That of its packet.
+  /// Time of the packet, seconds.
   [[nodiscard]] double time() const { return time_; }
   [[nodiscard]] int width() const;
   [[nodiscard]] int height() const;
-  /// Bytes R, G, B, 255, row by row. Throws std::runtime_error for pixels that cannot be converted.
+  /// Converts to bytes R, G, B, 255, row by row. Throws std::runtime_error for an unsupported pixel format.
   [[nodiscard]] std::vector<std::uint32_t> colour() const;
-  /// 16-bit grey, row by row. Throws std::runtime_error for an image of another kind.
+  /// Returns 16-bit gray, row by row. Throws std::runtime_error for another pixel format.
   [[nodiscard]] std::vector<std::uint16_t> grey() const;
 
  private:
@@ -100,17 +100,16 @@ class VideoImage {
   double time_;
 };
 
-/// The images of a track. Packets go in by their order in the file, images come out by their time.
+/// Decoder of a track. Packets are fed in file order, images are returned in time order.
 class VideoDecoder {
  public:
-  /// Throws std::runtime_error that says why not.
+  /// Throws std::runtime_error with the reason if the track cannot be decoded.
   VideoDecoder(const VideoFile& file, int track);
-  /// Takes a packet. One that is damaged throws std::runtime_error that says so, without the file's name, and may be
-  /// followed by others.
+  /// Feeds a packet. Throws std::runtime_error, without the file name, for a damaged packet; more packets may follow.
   void put(const VideoPacket& packet);
-  /// No packet follows.
+  /// Marks the end of the packets.
   void end();
-  /// The next image, if the packets so far have one to give. Throws as put() does.
+  /// Returns the next image if available from the packets so far. Throws as put() does.
   [[nodiscard]] std::optional<VideoImage> next();
 
  private:

@@ -53,7 +53,7 @@ struct VideoWriter::State {
     encoder->color_range = AVCOL_RANGE_MPEG;
     encoder->flags |= AV_CODEC_FLAG_GLOBAL_HEADER;
     ffmpeg().av_opt_set(encoder->priv_data, "crf", "8",
-                        0);  // hardly any loss beside that of colour at half the resolution
+                        0);  // little loss besides color at half resolution
     must(ffmpeg().avcodec_open2(encoder.get(), codec, nullptr));
     converter.reset(ffmpeg().sws_getContext(width, height, AV_PIX_FMT_RGBA, width, height, AV_PIX_FMT_YUV420P,
                                             SWS_BILINEAR | SWS_ACCURATE_RND, nullptr, nullptr, nullptr));
@@ -75,7 +75,7 @@ struct VideoWriter::State {
     must(ffmpeg().avformat_write_header(made, nullptr));
   }
 
-  /// `frame` null: none follows.
+  /// Encodes a frame; null flushes the encoder.
   void encode(const AVFrame* frame) {
     must(ffmpeg().avcodec_send_frame(encoder.get(), frame));
     while (ffmpeg().avcodec_receive_packet(encoder.get(), packet.get()) >= 0) {

@@ -8,18 +8,17 @@
 
 namespace cairn {
 
-/// An MP4 file with one track of H.264, image by image.
+/// Writer of an MP4 file with one H.264 track, image by image.
 class VideoWriter {
  public:
-  /// Throws std::runtime_error when the file cannot be made, for an odd number of pixels a side, and where FFmpeg has
-  /// no encoder.
+  /// Throws std::runtime_error if the file cannot be created, for odd image sizes, and if FFmpeg has no H.264 encoder.
   VideoWriter(const std::filesystem::path& file, int width, int height, int rate);
   ~VideoWriter();
   VideoWriter(const VideoWriter&) = delete;
   VideoWriter& operator=(const VideoWriter&) = delete;
-  /// Bytes R, G, B, 255. Throws std::runtime_error.
+  /// Adds an image of bytes R, G, B, 255. Throws std::runtime_error.
   void add(const std::vector<std::uint32_t>& colour);
-  /// The file is none before. Throws std::runtime_error.
+  /// Completes the file; it is unreadable before. Throws std::runtime_error.
   void finish();
 
  private:

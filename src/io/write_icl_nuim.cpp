@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// ICL-NUIM (Handa et al. 2014) in the form for TUM's tools. Frames are numbered, also in the place of times. Its camera
-// has fy < 0: with F = diag(1, -1, 1) its poses are F T F of those of an ordinary camera.
+// ICL-NUIM (Handa et al. 2014) in the format of TUM's tools, with frame numbers in place of times. Its camera has fy <
+// 0: with F = diag(1, -1, 1), its poses are F T F of an ordinary camera's poses T.
 #include <fmt/format.h>
 
 #include "cairn/trajectory.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// nerfstudio's transforms.json (Tancik et al. 2023). Poses are those of OpenGL, x right, y up, z back; the centre of
+// nerfstudio's transforms.json (Tancik et al. 2023). Poses use the OpenGL camera: x right, y up, z back. The center of
 // the upper left pixel is (0.5, 0.5).
 #include <fmt/format.h>
 
@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr const char* kPoints = "points.ply";  // named by the file where it lies there
+constexpr const char* kPoints = "points.ply";  // referenced in the JSON file if present
 
 class NerfstudioWriter final : public LayoutWriter {
  public:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What Open3D's recorders leave (Zhou et al. 2018). They know no poses: those lie beside them as groundtruth.txt.
+// Output of Open3D's recorders (Zhou et al. 2018). Their format has no poses; groundtruth.txt is added for them.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Replica as rendered for iMAP and NICE-SLAM (Sucar et al. 2021, Zhu et al. 2022): one room.
+// Replica, rendered for iMAP and NICE-SLAM (Sucar et al. 2021, Zhu et al. 2022): one room.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kUnits = 6553.5;  // per metre: 10 m are the largest number
+constexpr double kUnits = 6553.5;  // per meter: 10 m is the largest 16-bit value
 
 class ReplicaWriter final : public LayoutWriter {
  public:

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What RTAB-Map (Labbe & Michaud 2019) exports: images named by their times, the calibration in OpenCV's YAML, and
-// poses of the robot's base, whose x is forward and z up.
+// RTAB-Map exports (Labbe & Michaud 2019): images named by time, the calibration in OpenCV's YAML, and poses of the
+// robot's base, with x forward and z up.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// Where the camera is on the base: turned to x right, y down, z forward.
+/// Rotation from the camera (x right, y down, z forward) to the base.
 Eigen::Isometry3d base_from_camera() {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// ScanNet's .sens file (Dai et al. 2017), version 4, little endian: a header with both cameras, then frame after frame;
-// depth packed with zlib, colour as JPEG.
+// ScanNet .sens file (Dai et al. 2017), version 4, little-endian: a header with both cameras, then the frames; depth
+// compressed with zlib, color as JPEG.
 #include <zlib.h>
 
 #include <array>
@@ -17,7 +17,7 @@ namespace cairn {
 namespace {
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they lie in memory");
-constexpr double kUnits = 1000;  // per metre
+constexpr double kUnits = 1000;  // per meter
 constexpr std::string_view kSensor = "StructureSensor";
 
 class SensWriter final : public LayoutWriter {
@@ -32,7 +32,7 @@ class SensWriter final : public LayoutWriter {
     put_pose(rig.depth_from_colour());
     put_intrinsic(depth);
     put_pose(Eigen::Isometry3d::Identity());
-    put(std::int32_t{2});  // colour: JPEG
+    put(std::int32_t{2});  // color: JPEG
     put(std::int32_t{1});  // depth: zlib
     for (const int pixels : {colour.width, colour.height, depth.width, depth.height})
       put(static_cast<std::uint32_t>(pixels));
@@ -57,7 +57,7 @@ class SensWriter final : public LayoutWriter {
     must();
   }
   void finish() override {
-    put(std::uint64_t{0});  // frames of the inertial sensor
+    put(std::uint64_t{0});  // number of inertial frames
     out_.seekp(count_at_);
     put(count_);
     out_.flush();

@@ -22,7 +22,7 @@ class SevenScenesWriter final : public LayoutWriter {
     files_.write_text(name("pose.txt"), rows + "\n");
     ++count_;
   }
-  /// Its Kinect's shutter is known; another one is told.
+  /// The data set's Kinect camera is known, including its shutter; camera.yaml is written for any other camera.
   void finish() override {
     if (files_.camera() != known_camera("seven-scenes")->camera)
       files_.write_text("camera.yaml", camera_file_text({.rig = files_.rig()}));

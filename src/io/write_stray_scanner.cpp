@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Stray Scanner's folder (iPhones and iPads with LiDAR). Its poses have the camera's axes as ours.
+// Stray Scanner's folder (iPhones and iPads with LiDAR). Its poses use the same camera axes as Cairn.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,8 +17,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kRate = 30;          // Hz, of the video; its times are in odometry.csv
-constexpr std::uint8_t kSure = 2;  // the most that a phone tells
+constexpr int kRate = 30;          // Hz, of the video; image times are in odometry.csv
+constexpr std::uint8_t kSure = 2;  // highest confidence level of a phone
 constexpr const char* kHeader = "timestamp, frame, x, y, z, qx, qy, qz, qw\n";
 constexpr const char* kMotionHeader = "timestamp, a_x, a_y, a_z, alpha_x, alpha_y, alpha_z\n";
 
@@ -58,7 +58,7 @@ class StrayScannerWriter final : public LayoutWriter {
   }
 
  private:
-  /// In the phone's axes. Core Motion's acceleration has the opposite sign of what an accelerometer measures.
+  /// Adds motion in the phone's axes. Core Motion's acceleration has the opposite sign of an accelerometer measurement.
   void add_motion(const Frame& frame) {
     const Eigen::Quaterniond phone_from_camera = camera_from_phone().conjugate();
     const Eigen::Quaterniond phone_from_imu =

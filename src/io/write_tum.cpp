@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// TUM RGB-D (Sturm et al. 2012), and the data sets in its layout: Bonn's (Palazzolo et al. 2019), whose camera is known
-// by the folder's name, and ETH3D's SLAM benchmark (Schoeps et al. 2019) with calibration.txt.
+// TUM RGB-D (Sturm et al. 2012), and data sets in its layout: Bonn (Palazzolo et al. 2019), with the camera known from
+// the folder name, and ETH3D's SLAM benchmark (Schoeps et al. 2019) with calibration.txt.
 #include <fmt/format.h>
 
 #include <stdexcept>

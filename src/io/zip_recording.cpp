@@ -25,15 +25,15 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "cairn-unpacked-";
-constexpr const char* kMark = ".cairn-unpacked";  // in the folder: another one of such a name is somebody's own
+constexpr const char* kMark = ".cairn-unpacked";  // marker file; folders without it belong to somebody else
 constexpr std::string_view kMarkText = "A .zip file that cairn unpacks here while it reads it, and removes.\n";
-constexpr std::uintmax_t kReserve = 64u << 20;   // bytes that stay free on the disk
-constexpr std::uintmax_t kAnySize = 1u << 30;    // bytes that an archive may unpack to, however small it is
-constexpr std::uintmax_t kMostPacked = 200;      // times that a larger one may shrink: depth without noise does by 50
-constexpr std::size_t kPiece = 1u << 20;         // bytes
+constexpr std::uintmax_t kReserve = 64u << 20;  // bytes kept free on the disk
+constexpr std::uintmax_t kAnySize = 1u << 30;   // bytes; archives of any size may unpack to this much
+constexpr std::uintmax_t kMostPacked = 200;  // maximum compression ratio above kAnySize; depth without noise reaches 50
+constexpr std::size_t kPiece = 1u << 20;     // bytes
 constexpr zip_int64_t kMostEntries = 1'000'000;  // files and folders: nine hours of depth, color and confidence
-constexpr std::size_t kLongestName = 255, kLongestPlace = 2048;  // bytes, of a file and of its way from the top
-constexpr auto kFresh = std::chrono::minutes(1);                 // a folder that young may not be locked yet
+constexpr std::size_t kLongestName = 255, kLongestPlace = 2048;  // bytes, of a file name and of a path in the archive
+constexpr auto kFresh = std::chrono::minutes(1);                 // a younger folder may not be locked yet
 
 fs::path place_to_unpack() {
   const fs::path usual = "/var/tmp";
@@ -62,7 +62,7 @@ void remove_leftovers_in(const fs::path& place) {
     try {
       if (const auto lock = FileLock::take(it->path(), FileLock::Kind::exclusive)) fs::remove_all(it->path(), ignored);
     } catch (const std::runtime_error&) {
-      // It is another user's.
+      // The folder belongs to another user.
     }
   }
 }
@@ -77,7 +77,7 @@ fs::path make_folder() {
   return name;
 }
 
-/// And marks it: what is marked and not locked is left over.
+/// Locks and marks the folder: marked folders without a lock are leftovers.
 FileLock lock_of(const fs::path& folder) {
   if (auto lock = FileLock::take(folder, FileLock::Kind::exclusive)) {
     write_whole(folder / kMark, kMarkText, Durable::some_time);
@@ -86,21 +86,21 @@ FileLock lock_of(const fs::path& folder) {
   throw std::runtime_error(folder.string() + ": another program holds it");
 }
 
-/// A folder's name for what an archive holds: the archive's own, but none that leads elsewhere, as that of "...zip".
+/// Folder name for an archive's content: the archive's stem, unless it is empty or starts with a dot, as for "...zip".
 fs::path name_of(const fs::path& archive) {
   const fs::path name = archive.stem();
   return name.empty() || name.string().starts_with('.') ? fs::path("recording") : name;
 }
 
-/// A file or folder of an archive.
+/// File or folder of an archive.
 struct Entry {
   zip_uint64_t number = 0;
-  fs::path place;  // relative to the top
+  fs::path place;  // relative path in the archive
   bool is_folder = false;
-  std::uintmax_t size = 0;  // bytes, unpacked
+  std::uintmax_t size = 0;  // bytes, uncompressed
 };
 
-/// An open archive; errors are without its name.
+/// Open archive; errors do not contain its name.
 class Archive {
  public:
   explicit Archive(const fs::path& file) {
@@ -132,7 +132,7 @@ class Archive {
     return all;
   }
 
-  /// Returns what is wrong with the entry's bytes, if something is. Throws where they cannot be written.
+  /// Unpacks an entry; returns the error in its bytes, if any. Throws on a write error.
   [[nodiscard]] std::optional<std::string> unpack(const Entry& entry, const fs::path& file) {
     std::ofstream out(file, std::ios::binary);
     zip_file_t* in = zip_fopen_index(zip_, entry.number, 0);
@@ -153,13 +153,13 @@ class Archive {
   }
 
  private:
-  /// Nothing for what systems add on their own.
+  /// Returns an entry; empty for files added by operating systems.
   [[nodiscard]] std::optional<Entry> entry(zip_uint64_t number) const {
     zip_stat_t about;
     if (zip_stat_index(zip_, number, 0, &about) != 0 || (about.valid & ZIP_STAT_NAME) == 0)
       throw std::runtime_error(fmt::format("its entry {} is damaged; copy it again", number));
     std::string name = about.name;
-    std::replace(name.begin(), name.end(), '\\', '/');  // of Windows' programs
+    std::replace(name.begin(), name.end(), '\\', '/');  // separators of Windows programs
     const auto refuse = [&](const char* why) {
       throw std::runtime_error(fmt::format("holds '{}', which {}", shown(name), why));
     };

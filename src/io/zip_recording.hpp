@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings that came packed as .zip.
+// Recordings packed as .zip.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -13,27 +13,27 @@
 
 namespace cairn {
 
-/// Whether a name is that of a packed recording.
+/// True if the name is a packed recording.
 [[nodiscard]] bool is_zip(const std::string& name);
 
-/// What an archive holds, in a temporary folder that goes away with this. The folder is in TMPDIR, else in /var/tmp,
-/// which lies on a disk where /tmp may lie in memory. Folders that killed programs have left there are removed first.
+/// Content of an archive, in a temporary folder removed with this object. The folder is in TMPDIR, else in /var/tmp,
+/// because /tmp may be in memory. The constructor first removes leftover folders of killed programs.
 class UnpackedZip {
  public:
-  /// Throws std::runtime_error for what is no archive, is encrypted, leads out of its folder, unpacks to more than the
-  /// disk has room for, or holds nothing.
+  /// Throws std::runtime_error if the file is no archive, is encrypted, has paths outside of its folder, unpacks to
+  /// more than the free disk space, or is empty.
   explicit UnpackedZip(const std::filesystem::path& archive);
   ~UnpackedZip();
   UnpackedZip(const UnpackedZip&) = delete;
   UnpackedZip& operator=(const UnpackedZip&) = delete;
 
-  /// The folder or file to open: below folders that hold nothing but one other.
+  /// Returns the folder or file to open, below folders with a single subfolder as their only content.
   [[nodiscard]] std::string recording() const;
-  /// Which of its files are damaged, in one line; they are there as far as they can be read.
+  /// Lists the damaged files in one line; their readable parts are unpacked.
   [[nodiscard]] const std::optional<std::string>& damage() const { return damage_; }
-  /// What was said of the temporary folder, said of the archive.
+  /// Replaces the temporary folder's name in a message by the archive's.
   [[nodiscard]] std::string in_its_name(std::string text) const;
-  /// Calls `read`, whose errors are told in the archive's name.
+  /// Calls `read` and rethrows its errors with the archive's name.
   template <class Read>
   auto told_in_its_name(const Read& read) const {
     try {
@@ -46,14 +46,14 @@ class UnpackedZip {
  private:
   void unpack();
   std::filesystem::path archive_, folder_;
-  Unfinished unfinished_;          // the folder
-  FileLock lock_;                  // of the folder, for others to see that it is in use
-  std::filesystem::path content_;  // a folder of the archive's name, since some layouts are known by theirs
+  Unfinished unfinished_;          // the temporary folder
+  FileLock lock_;                  // of the folder, marks it as used for other programs
+  std::filesystem::path content_;  // folder with the archive's name, because some layouts are recognized by name
   std::optional<std::string> damage_;
 };
 
-/// The same as in the call before where it is still the same file. The last one stays until another is asked for or the
-/// program ends, since a program opens a recording more than once.
+/// Returns the same object as the previous call if the file is unchanged. The last archive is kept until another is
+/// requested or the program ends, because a program opens a recording more than once.
 [[nodiscard]] std::shared_ptr<const UnpackedZip> unpacked(const std::filesystem::path& archive);
 
 }  // namespace cairn
