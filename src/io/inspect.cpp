@@ -35,7 +35,7 @@ T quantile(std::vector<T>& values, double share) {
 /// Statistics collected frame by frame.
 struct Seen {
   std::vector<double> steps, delays;  // seconds
-  std::vector<float> depths;          // metres
+  std::vector<float> depths;          // meters
   std::size_t pixels = 0;             // total number of pixels
   std::optional<double> first, last;  // seconds
 };

@@ -19,8 +19,8 @@ struct McapTopic {
 };
 
 /// Writes an MCAP file under its final name, chunk by chunk, so that the log stays usable if the program is killed.
-/// Such a file lacks the summary; players read it anyway, and `mcap recover` completes it. After any failure the file
-/// still ends with a complete record. https://mcap.dev/spec
+/// Without the summary of a finished file, players still read the log, and `mcap recover` completes the file. After any
+/// failure the file still ends with a complete record. https://mcap.dev/spec
 class McapWriter {
  public:
   /// Creates the file. Throws std::runtime_error like write_whole, also if the file exists.

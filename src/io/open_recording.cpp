@@ -33,8 +33,8 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr float kFarthest = 1000;  // meters; larger values in float images mean "no measurement"
-/// Pixel difference of a frame's own camera from the recording's below which it is not resampled: 0.6 mm at 3 m and 525
-/// pixels, below the resolution of depth cameras, while resampling smooths depth and takes time.
+/// Maximum pixel difference between a frame's own camera and the recording's without resampling: 0.6 mm at 3 m and 525
+/// pixels, below the resolution of depth cameras. Resampling smooths depth and takes time.
 constexpr double kNegligible = 0.1;
 
 /// Returns a subfolder that holds depth images or a list of them.

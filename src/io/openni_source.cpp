@@ -154,7 +154,7 @@ class ColourImages {
     images_.push_back(std::move(image));
     if (images_.size() > 4) images_.pop_front();
   }
-  /// True if no later image can be closer to this time than the buffered ones.
+  /// True if no later image can be closer to this time than the buffered images.
   [[nodiscard]] bool reach(double timestamp) const {
     return !images_.empty() && images_.back().timestamp >= timestamp - kHalfAFrame;
   }

@@ -84,7 +84,7 @@ void cut_last(PartsPlan& plan) {
   const std::size_t recording = plan.recordings.size() - 1;
   const int frames = plan.recordings[recording].frames;
   const std::int64_t steps =
-      std::max(0, frames - plan.overlap);  // from the first segment's begin to the end of the last segment
+      std::max(0, frames - plan.overlap);  // from the start of the first segment to the end of the last
   const std::int64_t count = std::max<std::int64_t>(1, (steps + plan.frames_per_part - 1) / plan.frames_per_part);
   for (std::int64_t i = 0; i < count; ++i) {
     const auto begin = steps * i / count, end = steps * (i + 1) / count + plan.overlap;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Polycam raw data (iPhones and iPads with LiDAR): keyframes, each with its own camera. Poses are ARKit's, or those
-// after Polycam's bundle adjustment (`corrected`).
+// Polycam raw data (iPhones and iPads with LiDAR): keyframes, each with its own camera. Poses are ARKit's, or from
+// Polycam's bundle adjustment (`corrected`).
 #include <fmt/format.h>
 
 #include <algorithm>

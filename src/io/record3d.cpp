@@ -67,7 +67,7 @@ std::optional<Eigen::Isometry3d> pose_of(const Json& all, std::size_t index) {
   return pose * opengl_from_camera();
 }
 
-/// That of a frame, from perFrameIntrinsicCoeffs (fx fy cx cy) where it is there.
+/// Camera of a frame, from perFrameIntrinsicCoeffs (fx fy cx cy) if present.
 Camera camera_of(const Json& all, std::size_t index, const Camera& usual) {
   Camera camera = usual;
   if (const auto c = numbers_of(all, "perFrameIntrinsicCoeffs", index, 4); c && (*c)[0] > 0) {

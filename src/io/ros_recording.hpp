@@ -45,7 +45,7 @@ class RosRecording {
   /// Returns the next message, or empty at the end. Throws std::runtime_error with file and place for a damaged part;
   /// the next call continues after it.
   [[nodiscard]] virtual std::optional<RosMessage> next() = 0;
-  /// Returns to the begin.
+  /// Rewinds to the first message.
   virtual void rewind() = 0;
   /// Reason for a premature end of the recording, set at the end.
   [[nodiscard]] const std::optional<std::string>& ended_early() const { return ended_early_; }
@@ -72,7 +72,7 @@ struct RosChunk {
 };
 
 /// File with messages in chunks, and perhaps outside of them. Chunks in time order, or with unknown times, are read in
-/// file order; other chunks are merged by time. Messages within a chunk are sorted.
+/// file order; other chunks are merged by time. Messages within a chunk are sorted by time.
 class ChunkedRecording : public RosRecording {
  public:
   using RosRecording::RosRecording;
@@ -92,7 +92,7 @@ class ChunkedRecording : public RosRecording {
   /// Lists all chunks by the record headers of the file, with times as far as known; empty if messages are outside of
   /// chunks, or a chunk is truncated or larger than kLargestChunk.
   virtual std::vector<Chunk> walk() = 0;
-  /// Command to rewrite such a file in time order.
+  /// Command to rewrite a file in time order.
   [[nodiscard]] virtual const char* sorting_command() const = 0;
 
   /// True if chunks in file order are in time order.

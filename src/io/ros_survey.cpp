@@ -27,7 +27,7 @@ constexpr double kLongEnough = 10;        // seconds; all topics with camera dat
 constexpr double kOtherClock = 2;         // seconds, more than any message delay
 constexpr double kYear = 365.25 * 86400;  // seconds
 
-/// Topic properties found at the begin of a recording.
+/// Topic properties found in the first messages of a recording.
 struct Seen {
   std::uint64_t messages = 0;
   RosHeader header;     // of the first message
@@ -65,7 +65,7 @@ std::optional<std::string> realsense_stream(const std::string& topic) {
   return topic.substr(0, end);
 }
 
-/// Content of the begin of a recording.
+/// Topics and transforms in the first messages of a recording.
 class Survey {
  public:
   explicit Survey(RosRecording& recording) : recording_(recording) {

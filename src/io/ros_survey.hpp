@@ -25,8 +25,8 @@ struct RosPlan {
   Eigen::Matrix3d depth_from_accelerometer = Eigen::Matrix3d::Identity();
 };
 
-/// Reads the begin of a recording as far as needed, and rewinds it. Throws std::runtime_error with the missing data and
-/// a remedy.
+/// Reads the first messages of a recording, as many as needed, and rewinds it. Throws std::runtime_error with the
+/// missing data and a remedy.
 [[nodiscard]] RosPlan plan_of(RosRecording& recording, const SourceOptions& options);
 
 /// Time of a message in seconds; `header`: the message's header.

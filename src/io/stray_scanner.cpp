@@ -252,8 +252,8 @@ std::vector<AngularRate> read_gyroscope(const fs::path& file, double begin, doub
   return {};
 }
 
-/// True if the gyroscope in the expected axes matches the rotation of the poses: there is enough rotation to decide,
-/// and other axes match worse.
+/// True if the gyroscope, rotated by `camera_from_imu`, matches the rotation of the poses, and the rotation is large
+/// enough to exclude other axes.
 bool fits(const std::vector<AngularRate>& gyro, const Trajectory& poses, const Eigen::Quaterniond& camera_from_imu) {
   constexpr double kTurning = 0.05;  // rad/s, root mean square
   constexpr double kApart = 0.5;     // maximum difference as a share of the rate; 1 or more for wrong axes

@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "cairn-unpacked-";
-constexpr const char* kMark = ".cairn-unpacked";  // marker file; folders without it belong to somebody else
+constexpr const char* kMark = ".cairn-unpacked";  // marker file; other folders with this prefix are never deleted
 constexpr std::string_view kMarkText = "A .zip file that cairn unpacks here while it reads it, and removes.\n";
 constexpr std::uintmax_t kReserve = 64u << 20;  // bytes kept free on the disk
 constexpr std::uintmax_t kAnySize = 1u << 30;   // bytes; archives of any size may unpack to this much
