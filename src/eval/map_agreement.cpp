@@ -17,6 +17,8 @@ namespace {
 constexpr double kBent = 0.02;              // maximum motion in half a readout, meters and radians
 constexpr double kSigmas = 4, kVoxels = 3;  // multiples of the depth noise, and of the voxel size
 constexpr double kSameSurface = 0.1;        // meters
+constexpr double kBorder = 1.5;             // voxels by which a surface ends before the border of its measurements
+constexpr int kWidestBorder = 4;            // pixels of the grid
 
 constexpr float kNear = 0.05f;  // meters; nearer triangles are dropped
 
@@ -96,6 +98,20 @@ Drawn drawn_at(const std::vector<float>& depth, const Camera& grid, int x, int y
   return drawn;
 }
 
+/// True if all pixels within a surface's border around a pixel have depth in the sample.
+bool is_interior(const std::vector<float>& measured, const Camera& grid, int x, int y, double voxel_size) {
+  const auto z = static_cast<double>(
+      measured[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(x)]);
+  const int border = std::clamp(static_cast<int>(std::ceil(kBorder * voxel_size * grid.fx / z)), 1, kWidestBorder);
+  if (x < border || y < border || x >= grid.width - border || y >= grid.height - border) return false;
+  for (int v = y - border; v <= y + border; ++v)
+    for (int u = x - border; u <= x + border; ++u)
+      if (!(measured[static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(u)] >
+            0))
+        return false;
+  return true;
+}
+
 }  // namespace
 
 double DepthTolerance::at(double depth) const {
@@ -135,6 +151,7 @@ Compared compare(const std::vector<Mesh>& parts, const Camera& grid, const Depth
     const auto z = static_cast<double>(measured[i]);
     if (!(z > 0)) continue;
     const int x = static_cast<int>(i) % grid.width, y = static_cast<int>(i) / grid.width;
+    if (!is_interior(measured, grid, x, y, tolerance.voxel_size)) continue;
     const Drawn around = drawn_at(drawn, grid, x, y, z);
     const double limit = tolerance.at(z);
     ++compared.points;

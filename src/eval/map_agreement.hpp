@@ -40,6 +40,8 @@ struct DepthTolerance {
   [[nodiscard]] double at(double depth) const;
 };
 
+/// Compares the depth of `samples` with the map along the same rays. Measurements within 1.5 voxels of a hole or of the
+/// image's border are left out: the map's surface ends before them until another frame closes the hole.
 [[nodiscard]] DepthAgreement compare_depth(const std::vector<Mesh>& parts, const Camera& grid,
                                            const DepthCorrection& correction, const DepthTolerance& tolerance,
                                            const std::vector<PlacedSample>& samples);

@@ -107,6 +107,23 @@ TEST(DepthAgreement, CountsSurfaceInTheWayAndSurfaceThatIsMissing) {
   EXPECT_EQ(compare({rectangle(2.3f, -5, 5)}).in_front, 0);
 }
 
+TEST(DepthAgreement, PassesSurfaceThatEndsBesideHolesOfDepth) {
+  constexpr double kVoxel = 0.05;
+  // Depth of a wall left of the middle alone, as between two holes of a stereo camera.
+  const FrameSamples samples =
+      samples_of([](int i) { return frame_of(i, [](int u, int) { return u < kCamera.cx ? 2.0f : 0.0f; }); });
+  const auto here = placed(samples, [](double) { return at(0, 0, 0); });
+  const auto missing = [&](float end) {
+    return compare_depth({rectangle(2, -5, end)}, samples.camera(), {}, {{}, kVoxel / 100}, here).missing;
+  };
+  EXPECT_GT(missing(-0.3f), 0.1);
+  const DepthTolerance tolerance{{}, kVoxel};
+  const DepthAgreement agreement =
+      compare_depth({rectangle(2, -5, -static_cast<float>(1.5 * kVoxel))}, samples.camera(), {}, tolerance, here);
+  EXPECT_GT(agreement.points, 1000);
+  EXPECT_EQ(agreement.missing, 0);
+}
+
 TEST(Speeds, NoteJumpsAndLeaveOutGaps) {
   const auto run = [](double jump, bool is_lost_before) {
     Speeds speeds{MotionOptions{}};
