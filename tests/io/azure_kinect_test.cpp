@@ -20,12 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 using Codec = MatroskaFile::Codec;
-// Of 255, mean over the image.
-constexpr double kJpegError = 4;   // what JPEG's quality 95 with half the resolution of hue loses of the room
-constexpr double kDecoders = 1.5;  // between two decoders, which draw hue between its samples each in its own way
+// Mean error over the image, out of 255.
+constexpr double kJpegError = 4;   // loss of JPEG at quality 95 with chroma at half the resolution, for the room scene
+constexpr double kDecoders = 1.5;  // between two decoders with different chroma upsampling
 
-/// A calibration as the sensor has it: the depth camera's lens bends, colour is 32 mm to the left and turned by a
-/// quarter about z, and the accelerometer's x is the depth camera's z, its y -x and its z -y.
+/// Calibration text in the sensor's format: depth has a distorted lens, color is 32 mm to the left and rotated by a
+/// quarter turn about z, and the accelerometer's x is the depth camera's z, its y -x and its z -y.
 std::string calibration_text(int colour_sensor_height = 3072) {
   const auto camera = [](const char* place, const char* parameters, int width, int height, const char* rotation,
                          const char* translation) {
@@ -72,7 +72,7 @@ std::string as_jpeg(const std::vector<std::uint32_t>& colour, int width, int hei
   return {bytes.begin(), bytes.end()};
 }
 
-/// The JPEG of an image of 320x180 as another decoder reads it.
+/// The JPEG of a 320x180 image, decoded by OpenCV.
 std::vector<std::uint32_t> opencv_decoded(const std::vector<std::uint32_t>& colour) {
   const std::string jpeg = as_jpeg(colour, 320, 180);
   const cv::Mat image = cv::imdecode(std::vector<std::uint8_t>(jpeg.begin(), jpeg.end()), cv::IMREAD_COLOR);
@@ -110,11 +110,11 @@ MatroskaFile recording_of(int depth_width, int depth_height, int colour_width, i
   return file;
 }
 
-/// Four frames of the synthetic room, 10 a second, with the smallest mode of depth; colour 8 ms after depth.
+/// Four frames of the synthetic room at 10 Hz, in the smallest depth mode; color is 8 ms after depth.
 struct Room {
   static constexpr int kFrames = 4;
   TemporaryFolder folder;
-  std::vector<Frame> frames;  // the truth: depth in whole mm
+  std::vector<Frame> frames;  // ground truth, depth in whole mm
   MatroskaFile file = recording_of(320, 288, 320, 180);
 
   Room() {
@@ -127,7 +127,7 @@ struct Room {
       frame.colour = scene_frame(scene, {320, 180, 250, 250, 160, 90, {}}, i).colour;
       file.packets.push_back({1, time, as_b16g(frame.depth)});
       file.packets.push_back({0, time + 0.008, as_jpeg(frame.colour, 320, 180)});
-      // Up is -y of the depth camera: +z of the accelerometer; it is shaken along its x.
+      // Up is -y of the depth camera and +z of the accelerometer; shaken along the accelerometer's x.
       for (int k = 1; k < 10; ++k)
         file.packets.push_back({2, time + 0.01 * k, as_inertial_sample({k % 2 == 0 ? 0.5f : -0.5f, 0.f, 9.81f})});
       frames.push_back(std::move(frame));
@@ -173,7 +173,7 @@ TEST(AzureKinect, GivesDepthColourTimesAndGravityAsTheyWereTaken) {
     for (const AngularRate& sample : frame->gyro) {
       EXPECT_GT(sample.timestamp, frame->timestamp - 0.1);
       EXPECT_LE(sample.timestamp, frame->timestamp);
-      const Eigen::Vector3d rate = *source->rig().camera_from_imu * sample.rate;  // turned as the acceleration is
+      const Eigen::Vector3d rate = *source->rig().camera_from_imu * sample.rate;  // rotated like the acceleration
       EXPECT_NEAR(rate.y(), -0.981, 1e-6);
       EXPECT_NEAR(std::abs(rate.z()), 0.05, 1e-6);
     }
@@ -185,8 +185,7 @@ TEST(AzureKinect, GivesDepthColourTimesAndGravityAsTheyWereTaken) {
 TEST(AzureKinect, SortsBlocksThatAreNotInTimeOrder) {
   const Room room;
   room.file.write(room.path());
-  // Clusters change places in time: those of the first tenth of a second with those of the second one. Their times are
-  // milliseconds in one byte.
+  // Swaps clusters in time: the first tenth of a second with the second. Their times are milliseconds in one byte.
   std::string bytes = read_bytes(room.path());
   int moved = 0;
   for (std::size_t at = 0; (at = bytes.find("\x1f\x43\xb6\x75", at)) != bytes.npos; ++at) {
@@ -222,8 +221,8 @@ TEST(AzureKinect, ReadsOnlyTheFramesAskedFor) {
   EXPECT_FALSE(source->next());
 }
 
-// As transformation_get_mode_specific_*_camera_calibration of the sensor's SDK: the fraction times the calibrated
-// image's size, less what is cut away, less half a pixel.
+// Same as transformation_get_mode_specific_*_camera_calibration of the sensor's SDK: the fraction times the calibrated
+// image's size, minus the crop, minus half a pixel.
 TEST(AzureKinect, TakesTheCamerasOfEachModeFromTheCalibration) {
   struct Mode {
     int width, height;
@@ -255,7 +254,7 @@ TEST(AzureKinect, TakesTheCamerasOfEachModeFromTheCalibration) {
   for (const Mode& mode : depth_modes) expect(rig(mode, colour_modes[0], 3072).depth, mode, 0.5, 0.51, 0.49, 0.495);
   for (const Mode& mode : colour_modes)
     expect(rig(depth_modes[0], mode, 3072).colour->camera, mode, 0.51, 0.52, 0.48, 0.64);
-  // Old calibrations are of 16:9 images.
+  // Old calibrations use 16:9 images.
   expect(rig(depth_modes[0], colour_modes[0], 2304).colour->camera, {1280, 720, 1280, 720, 0, 0}, 0.51, 0.52, 0.48,
          0.64);
   expect(rig(depth_modes[0], colour_modes[3], 2304).colour->camera, {2048, 1536, 2048, 1152, 0, -192}, 0.51, 0.52, 0.48,
@@ -300,7 +299,7 @@ TEST(AzureKinect, ReadsColourThatIsNotCompressed) {
     const cv::Mat image = bgra(truth.colour, 320, 180);
     std::string bytes(reinterpret_cast<const char*>(image.data), image.total() * 4);
     if (fourcc != "BGRA") {
-      cv::Mat yuv;  // 4:2:0, planes one after the other
+      cv::Mat yuv;  // 4:2:0, planar
       cv::cvtColor(image, yuv, cv::COLOR_BGRA2YUV_I420);
       const char* p = reinterpret_cast<const char*>(yuv.data);
       const auto hue = [&](int plane, int x, int y) { return p[320 * 180 + plane * 160 * 90 + y / 2 * 160 + x / 2]; };
@@ -344,7 +343,7 @@ TEST(AzureKinect, ReadsAFileThatWasNeverFinishedAsFarAsItGoes) {
   room.file.write(room.path());
   std::string bytes = read_bytes(room.path());
   const std::size_t segment = bytes.find("\x18\x53\x80\x67");
-  bytes.replace(segment + 4, 8, "\x01\xff\xff\xff\xff\xff\xff\xff");  // its size is not known yet
+  bytes.replace(segment + 4, 8, "\x01\xff\xff\xff\xff\xff\xff\xff");  // unknown size, as in an unfinished file
   const std::string last = as_b16g(room.frames[3].depth);
   write_text(room.path(), bytes.substr(0, bytes.find(last) + 100));
   const auto source = open_source(room.path().string());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// The order in which layouts get their cameras: option, file beside the images, the recording, the layout.
+// Order of camera sources for all layouts: option, file next to the images, recording, layout.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -38,7 +38,7 @@ std::string refusal(const fs::path& folder, const fs::path& camera = {}) {
 }
 bool has(const std::string& text, const std::string& part) { return text.find(part) != text.npos; }
 
-/// associations.txt of images whose names `name` makes of a number.
+/// Writes associations.txt and images; `name` maps an index to a file stem.
 template <class Name>
 void write_associations(const fs::path& folder, Name&& name, int width = 64, int height = 48,
                         const char* line = "{0} rgb/{1}.png {0} depth/{1}.png\n") {
@@ -135,7 +135,7 @@ TEST(CameraOrder, Knows7ScenesByMoreThanItsNames) {
   EXPECT_EQ(open(folder.path())->rig(), Rig(known_camera("seven-scenes")->camera));
 }
 
-/// A folder of each layout that tells its own camera, or has a known one.
+/// Writes a folder of a layout with its own camera or a known camera.
 void write_layout_of(const std::string& name, const fs::path& folder) {
   for (int i = 0; i < kFrames; ++i) {
     const std::string depth = name == "replica"   ? fmt::format("results/depth{:06}.png", i)
@@ -185,7 +185,7 @@ TEST(CameraOrder, IsTheSameForEveryLayout) {
     write_layout_of(name, folder.path());
     EXPECT_EQ(open(folder.path())->rig().depth.fx, 60);
     const float metres = open(folder.path())->next()->depth[0];
-    // A file beside goes before what the recording tells, its unit too,
+    // A file in the folder overrides the recording, including its unit,
     write_text(folder / "camera.yaml", kMineText);
     const auto beside = open(folder.path());
     EXPECT_EQ(beside->rig().depth, kMine);
@@ -193,12 +193,12 @@ TEST(CameraOrder, IsTheSameForEveryLayout) {
     write_text(folder / "camera.yaml", "{fx: 50, fy: 51, cx: 30, cy: 24, depth_scale: 250}");
     EXPECT_EQ(open(folder.path())->rig().depth, kMine);
     EXPECT_FLOAT_EQ(open(folder.path())->next()->depth[0], 4.0f);
-    // and an option before both.
+    // and an option overrides both.
     write_text(elsewhere / "my.yaml", "{fx: 40, fy: 41, cx: 30, cy: 24, depth_scale: 125}");
     const auto option = open(folder.path(), elsewhere / "my.yaml");
     EXPECT_EQ(option->rig().depth, (Camera{64, 48, 40, 41, 30, 24, {}}));
     EXPECT_FLOAT_EQ(option->next()->depth[0], 8.0f);
-    // What an option leaves open is the file's; a file that cannot be read is no reason to refuse the option.
+    // Values missing from the option come from the file; an unreadable file does not invalidate the option.
     write_text(elsewhere / "my.yaml", "{fx: 40, fy: 41, cx: 30, cy: 24}");
     EXPECT_FLOAT_EQ(open(folder.path(), elsewhere / "my.yaml")->next()->depth[0], 4.0f);
     write_text(folder / "camera.yaml", "fx: 40\n");

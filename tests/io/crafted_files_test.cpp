@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Small files that ask for more memory, time or stack than an honest file takes.
+// Small crafted files that request far more memory, time or stack than valid files.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
@@ -35,13 +35,13 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kLongest = 10;  // seconds
-constexpr double kFewMb = 40;    // of memory, over what a process has that does nothing
+constexpr double kFewMb = 40;    // of memory, above an idle process
 
 std::span<const std::uint8_t> span_of(const std::string& bytes) {
   return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
 }
 
-/// The call is refused with one line that has `what`, soon and with little memory.
+/// Expects an error of one line with `what`, within limits of time and memory.
 void expect_refused(const std::function<void()>& call, const std::string& what) {
   const double nothing = cost_of([] {}).peak_mb;
   const Cost cost = cost_of(call);
@@ -172,7 +172,7 @@ TEST(CraftedFiles, DistanceFieldTakesMemoryForItsBlocksAlone) {
 }
 
 TEST(CraftedFiles, DistanceFieldOfFewBlocksAnswersAsOneOfMany) {
-  // The same blocks beside others that fill the box, and alone.
+  // The same blocks together with blocks that fill the box, and alone.
   const auto block = [](int seed) {
     auto made = std::make_shared<DistanceField::Block>();
     for (std::size_t i = 0; i < made->size(); ++i)
@@ -212,11 +212,11 @@ TEST(CraftedFiles, BytesThatUnpackToFarMoreAreRefused) {
   const Cost cost = cost_of([&] { (void)unpacked("zstd", packed, std::nullopt); });
   EXPECT_NE(cost.error.find("bytes once unpacked"), std::string::npos) << cost.error;
   EXPECT_LT(cost.peak_mb, nothing + 150);
-  const std::string image(std::size_t{30} << 20, '\0');  // a black image of 4K
+  const std::string image(std::size_t{30} << 20, '\0');  // a black 4K image
   EXPECT_EQ(unpacked("zstd", packed_by_zstd(span_of(image)), image.size()).size(), image.size());
 }
 
-/// A database of these statements, as a file of rosbag2.
+/// Creates a rosbag2 database from SQL statements.
 fs::path database(const fs::path& file, const std::vector<std::string>& statements) {
   fs::remove(file);
   sqlite3* opened = nullptr;
@@ -274,7 +274,7 @@ TEST(CraftedFiles, DatabaseOfHonestTablesIsRead) {
 
 TEST(CraftedFiles, MeshThatNamesItsVerticesAgainAndAgainIsRefused) {
   const TemporaryFolder folder;
-  // 3 MB of positions, which 2000 nodes show once each: 6 GB.
+  // 3 MB of positions, instanced once by each of 2000 nodes: 6 GB.
   constexpr int kVertices = 250'000, kNodes = 2000;
   std::string nodes, roots;
   for (int i = 0; i < kNodes; ++i)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Recordings without color, with what else they have.
+// Recordings without color, with all their other data.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -43,7 +43,7 @@ bool has(const std::string& text, const std::string& part) { return text.find(pa
 void write_motion(const fs::path& folder, double begin) {
   std::string gyro, acceleration, truth;
   for (int i = 0; i < kFrames; ++i) {
-    const double time = begin + i / 30.0 - 1e-4;  // in the names, too, digits are few
+    const double time = begin + i / 30.0 - 1e-4;  // matches the few digits in file names
     gyro += fmt::format("{:.6f} 0.1 0.2 0.3\n", time);
     acceleration += fmt::format("{:.6f} 0 9.81 0\n", time);
     truth += fmt::format("{:.6f} {} 0 0 0 0 0 1\n", time, i);
@@ -106,7 +106,7 @@ TEST(DepthAlone, LeavesOutMotionOfAnotherTime) {
 }
 
 #ifdef CAIRN_VIDEO
-/// A scan whose video of 1920x1440 is missing.
+/// Writes a scan without its 1920x1440 video.
 void write_stray(const fs::path& folder, double cx = 969.8, double cy = 715.6) {
   std::string odometry = "timestamp, frame, x, y, z, qx, qy, qz, qw\n", imu = "timestamp, alpha_x, alpha_y, alpha_z\n";
   for (int i = 0; i < kFrames; ++i) {

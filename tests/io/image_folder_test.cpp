@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Folders of images as people have them.
+// Image folders without a specific layout.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -22,16 +22,16 @@ constexpr int kWidth = 64, kHeight = 48;
 constexpr const char* kCamera = "{width: 64, height: 48, fx: 52.5, fy: 52.25, cx: 31.5, cy: 23.75, depth_scale: 1000}";
 const Camera kTold{64, 48, 52.5, 52.25, 31.5, 23.75, {}};
 
-/// Image i is 1 m + i cm deep, its colour has red i.
+/// Writes image i: depth 1 m + i cm, color value i.
 void write_depth(const fs::path& file, int i, double units = 1000) {
   fs::create_directories(file.parent_path());
   cv::Mat depth(kHeight, kWidth, CV_16U, cv::Scalar(std::round((1 + 0.01 * i) * units)));
-  depth.at<std::uint16_t>(0, 0) += 1;  // not all the same
+  depth.at<std::uint16_t>(0, 0) += 1;  // avoids a constant image
   cv::imwrite(file.string(), depth);
 }
 void write_colour(const fs::path& file, int i, int width = kWidth, int height = kHeight) {
   fs::create_directories(file.parent_path());
-  // A JPEG keeps grey exactly.
+  // JPEG preserves gray exactly.
   cv::imwrite(file.string(), cv::Mat(height, width, CV_8UC3, cv::Scalar::all(i)));
 }
 void write_bytes(const fs::path& file, const std::string& bytes) {
@@ -39,7 +39,7 @@ void write_bytes(const fs::path& file, const std::string& bytes) {
   write_text(file, bytes);
 }
 
-/// What a folder gives, frame by frame: the numbers of its depth and colour images, -1: none, and its time.
+/// Frame of a folder: the indices of its depth and color images, -1: none, and its time.
 struct Seen {
   int depth, colour;
   double time;
@@ -164,7 +164,7 @@ TEST(ImageFolder, HasItsImagesUnderTheNamesThatPeopleGive) {
 TEST(ImageFolder, TakesItsTimesFromItsNames) {
   struct Case {
     const char* unit;
-    double units, begin;  // a second; seconds
+    double units, begin;  // units per second; seconds
     int decimals;
   };
   for (const Case& c : {Case{"seconds", 1, 1305031102, 6},
@@ -188,7 +188,7 @@ TEST(ImageFolder, TakesItsTimesFromItsNames) {
     for (std::size_t i = 0; i < expected.size(); ++i) {
       EXPECT_EQ(seen.frames[i].depth, expected[i].depth);
       EXPECT_EQ(seen.frames[i].colour, expected[i].colour);
-      EXPECT_NEAR(seen.frames[i].time, expected[i].time, 6e-4);  // of names in milliseconds
+      EXPECT_NEAR(seen.frames[i].time, expected[i].time, 6e-4);  // precision of names in milliseconds
     }
     EXPECT_EQ(understood(folder.path(), "times"), fmt::format("{} in the names", c.unit));
     EXPECT_EQ(understood(folder.path(), "pairing"), "by near times; 1 depth and 1 colour images have no partner");
@@ -201,7 +201,7 @@ TEST(ImageFolder, TakesTheRateOfImagesWithoutTimes) {
   for (const int i : {0, 5, 10}) write_depth(folder / fmt::format("depth/{}.png", i), i);
   const Read seen = read(folder.path());
   EXPECT_EQ(seen.frames, (std::vector<Seen>{{0, -1, 0}, {5, -1, 0.5}, {10, -1, 1}}));
-  EXPECT_EQ(seen.rig, Rig(kTold));  // the size is that of the images
+  EXPECT_EQ(seen.rig, Rig(kTold));  // with the images' size
   EXPECT_EQ(understood(folder.path(), "times"), "numbers in the names count frames, 10 a second");
 }
 
@@ -242,25 +242,25 @@ TEST(ImageFolder, ReadsDepthOfEachKindOfFile) {
 
 TEST(ImageFolder, GuessesTheUnitOfDepthAloudWhereNobodyTellsIt) {
   struct Case {
-    double units;  // a metre
+    double units;  // units per meter
     const char* words;
   };
   for (const Case& c :
        {Case{1000, "depth in millimetres assumed: median 1.0 m; say depth_scale"},
         {5000, "depth in units of 1/5000 m assumed: median 1.0 m"},
-        {10000, "depth in units of 1/5000 m assumed: median 2.1 m"}}) {  // as wrong as it must be, but told
+        {10000, "depth in units of 1/5000 m assumed: median 2.1 m"}}) {  // wrong, as no evidence exists, but reported
     const TemporaryFolder folder;
     write_text(folder / "intrinsics.txt", "52.5 52.25 31.5 23.75");
     for (int i = 3; i < 6; ++i) {
       fs::create_directories(folder / "depth");
       cv::Mat depth(kHeight, kWidth, CV_16U);
-      for (int p = 0; p < kWidth * kHeight; ++p)  // whole millimetres
+      for (int p = 0; p < kWidth * kHeight; ++p)  // whole millimeters
         depth.ptr<std::uint16_t>()[p] = static_cast<std::uint16_t>((1000 + p % 80) * c.units / 1000);
       cv::imwrite((folder / fmt::format("depth/{}.png", i)).string(), depth);
     }
     const Read seen = read(folder.path());
     EXPECT_TRUE(has(seen.said, c.words)) << seen.said;
-    EXPECT_EQ(lines(seen.said), 2u) << seen.said;  // and that there is no color
+    EXPECT_EQ(lines(seen.said), 2u) << seen.said;  // also reports missing color
   }
 }
 
@@ -361,7 +361,7 @@ TEST(ImageFolder, WithoutACameraSaysWhatToWriteWhere) {
       << told;
   EXPECT_TRUE(has(told, "--camera")) << told;
   EXPECT_TRUE(has(told, "freiburg1, freiburg2")) << told;
-  // And what it says works.
+  // The suggested text works as a camera file.
   const std::size_t begin = told.find('{'), end = told.find('}');
   write_text(folder / "camera.yaml", told.substr(begin, end + 1 - begin));
   EXPECT_EQ(read(folder.path()).frames.size(), 3u);
@@ -373,7 +373,7 @@ TEST(ImageFolder, TakesANamedCameraInTheImagesSize) {
   const Read seen = read(folder.path(), {.camera = "freiburg1"});
   Camera expected = scaled_to(known_camera("freiburg1")->camera, {kWidth, kHeight});
   EXPECT_EQ(seen.rig, Rig(expected));
-  EXPECT_EQ(seen.frames, (std::vector<Seen>{{0, -1, 0}, {1, -1, at(1)}}));  // 5000 units a metre, as TUM's are
+  EXPECT_EQ(seen.frames, (std::vector<Seen>{{0, -1, 0}, {1, -1, at(1)}}));  // 5000 units per meter, as for TUM
   EXPECT_TRUE(has(refusal(folder.path(), {.camera = "kinect-v2"}), "is 64x48, the camera 512x424"));
   EXPECT_TRUE(has(refusal(folder.path(), {.camera = "freiburg9"}),
                   "freiburg9: there is no such file, and no camera of this name; known are freiburg1, "));
@@ -410,9 +410,9 @@ TEST(ImageFolder, OfOddImagesKeepsWhatIsGood) {
   write_colour(folder / "rgb/5.png", 5, 32, 24);
   write_text(folder / "rgb/6.png", "");
   fs::remove(folder / "depth/7.png");
-  fs::create_symlink(folder / "depth/8.png", folder / "depth/7.png");  // to a file: an image like others
+  fs::create_symlink(folder / "depth/8.png", folder / "depth/7.png");  // link to a file: a normal image
   fs::remove(folder / "depth/9.png");
-  fs::create_symlink(folder / "nowhere.png", folder / "depth/9.png");  // to nothing: told
+  fs::create_symlink(folder / "nowhere.png", folder / "depth/9.png");  // dangling link: reported as a problem
   const Read seen = read(folder.path());
   ASSERT_EQ(seen.frames.size(), 12u);
   for (const int bad : {1, 2, 3, 4, 9}) EXPECT_EQ(seen.frames[static_cast<std::size_t>(bad)].depth, -1) << bad;

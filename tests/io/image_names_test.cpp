@@ -25,7 +25,8 @@ TEST(NaturalOrder, IsThatOfPeople) {
   std::sort(names.begin(), names.end(), natural_less);
   EXPECT_EQ(names,
             (std::vector<std::string>{"Z1", "a", "a 2", "a01", "a1", "a1b", "a9", "a10", "b1", "img2_20", "img12_3"}));
-  EXPECT_TRUE(natural_less("99999999999999999999999", "100000000000000000000000"));  // more digits than a number has
+  EXPECT_TRUE(
+      natural_less("99999999999999999999999", "100000000000000000000000"));  // more digits than any integer type
   for (const char* name : {"", "1", "01", "a1"}) EXPECT_FALSE(natural_less(name, name));
 }
 
@@ -60,11 +61,11 @@ TEST(Numbering, KnowsTheUnitOfTimesByHowTheyGrow) {
   EXPECT_EQ(unit({"5000000000.png", "5033333333.png", "5066666666.png"}), Unit::nanoseconds);
   EXPECT_EQ(unit({"1700000000123.png"}), Unit::milliseconds);
   EXPECT_EQ(unit({"0.png", "1.png", "2.png", "5.png"}), Unit::frames);
-  EXPECT_EQ(unit({"0.png", "5.png", "10.png", "20.png"}), Unit::frames);      // every fifth
-  EXPECT_EQ(unit({"000000.png", "000030.png", "000061.png"}), Unit::frames);  // with zeros before
+  EXPECT_EQ(unit({"0.png", "5.png", "10.png", "20.png"}), Unit::frames);      // every fifth frame
+  EXPECT_EQ(unit({"000000.png", "000030.png", "000061.png"}), Unit::frames);  // zero-padded
   EXPECT_EQ(unit({"scan1.0001.png", "scan1.0002.png", "scan1.0003.png"}), Unit::frames);
   EXPECT_EQ(unit({"a.png", "b.png"}), Unit::none);
-  EXPECT_EQ(unit({"2024-05-01-12-33-07.png", "2024-05-01-12-34-08.png"}), Unit::none);  // a date, no number
+  EXPECT_EQ(unit({"2024-05-01-12-33-07.png", "2024-05-01-12-34-08.png"}), Unit::none);  // a date
   EXPECT_EQ(unit({"123456789012345678901234.png", "123456789012345678901235.png"}), Unit::none);
   EXPECT_EQ(unit({}), Unit::none);
 }
@@ -108,12 +109,12 @@ TEST(Pairs, AreFoundByEqualNumbersWithinOtherWords) {
 }
 
 TEST(Pairs, OfTimesAreNearestWithinHalfAFrame) {
-  // 30 Hz each, colour 4 ms later and without its third image.
+  // 30 Hz each; color is 4 ms later and lacks its third image.
   const auto pairs = pairs_of({"0.png", "33.png", "67.png", "100.png"}, {"4.jpg", "37.jpg", "104.jpg"});
   ASSERT_TRUE(pairs);
   EXPECT_EQ(pairs->by, By::time);
   EXPECT_EQ(pairs->colour, (std::vector<int>{0, 1, -1, 2}));
-  // In two units of one clock, of which some images agree by chance.
+  // Two units of the same clock; some numbers agree by chance.
   const auto mixed = pairs_of({"1700000000.000000.png", "1700000000.033333.png", "1700000000.066667.png"},
                               {"1700000000001000000.png", "1700000000034000000.png", "1700000000068000000.png"});
   EXPECT_EQ(mixed->by, By::time);

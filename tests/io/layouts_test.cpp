@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Layouts of folders, each written here from the same four frames of a room.
+// Folder layouts, each written here from the same four frames of a room.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kFrames = 4;
 const Camera kCamera{64, 48, 52.5, 52.25, 31.5, 23.75, {}};
-const Camera kTwice{128, 96, 105, 104.5, 63.5, 48, {}};  // the same view: (31.5 + 0.5) * 2 - 0.5
+const Camera kTwice{128, 96, 105, 104.5, 63.5, 48, {}};  // same view: (31.5 + 0.5) * 2 - 0.5
 
 cv::Mat bgr_of(std::vector<std::uint32_t> colour, const Camera& camera) {
   cv::Mat bgr;
@@ -37,7 +37,7 @@ const std::vector<Frame>& room(const Camera& camera) {
   return camera == kCamera ? small : large;
 }
 
-/// Writes frame i's depth, and its colour as a camera of another size sees it; an empty name writes none.
+/// Writes depth of frame i, and its color from a camera of another size; an empty name skips the image.
 void write_images(int i, const fs::path& depth, const fs::path& colour, double scale,
                   const Camera& colour_camera = kCamera) {
   const auto& frame = room(kCamera)[static_cast<std::size_t>(i)];
@@ -49,7 +49,7 @@ void write_images(int i, const fs::path& depth, const fs::path& colour, double s
   cv::imwrite(colour.string(), bgr_of(room(colour_camera)[static_cast<std::size_t>(i)].colour, colour_camera));
 }
 
-/// The folder gives these frames: depth to a unit, colour exactly where it is no JPEG.
+/// Expects these frames from the folder: depth within one unit, color exact unless JPEG.
 void expect_room(const fs::path& folder, double scale, double rate, const Camera& colour_camera = kCamera,
                  double begin = 0) {
   const auto source = open_source(folder.string());
@@ -68,7 +68,7 @@ void expect_room(const fs::path& folder, double scale, double rate, const Camera
     double difference = 0;
     for (std::size_t p = 0; p < colour.size(); ++p)
       difference += std::abs(static_cast<int>(colour[p] & 255u) - static_cast<int>(frame->colour[p] & 255u));
-    constexpr double kOfJpeg = 8;  // of 255, mean: its colour has half the resolution, and these images are small
+    constexpr double kOfJpeg = 8;  // mean error out of 255; chroma has half the resolution, and the images are small
     EXPECT_LT(difference / static_cast<double>(colour.size()), kOfJpeg);
   }
   EXPECT_FALSE(source->next());
@@ -166,7 +166,7 @@ TEST(RtabMap, GivesDepthOfHalfTheSizeWithTheColourCameraInTheSamePlace) {
     base_from_camera.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
     base_from_camera.translation() = Eigen::Vector3d(0.5, 0, 0.25);
     for (int i = 0; i < kFrames; ++i) {
-      const auto stamp = fmt::format("{:.6f}", 9.75 + 0.25 * i);  // 9.75 comes before 10
+      const auto stamp = fmt::format("{:.6f}", 9.75 + 0.25 * i);  // 9.75 must come before 10
       write_images(i, folder / ("depth/" + stamp + ".png"), folder / ("rgb/" + stamp + ".jpg"), 1000, kTwice);
       const Eigen::Isometry3d pose =
           *room(kCamera)[static_cast<std::size_t>(i)].world_from_camera * base_from_camera.inverse();
@@ -193,7 +193,7 @@ TEST(RtabMap, GivesDepthOfHalfTheSizeWithTheColourCameraInTheSamePlace) {
   }
 }
 
-/// The lists of a TUM recording beside its images.
+/// Writes a TUM recording: images and their lists.
 void write_lists(const fs::path& folder) {
   std::string depth, rgb;
   for (int i = 0; i < kFrames; ++i) {
@@ -223,7 +223,7 @@ TEST(Bonn, HasItsOwnCamera) {
   const TemporaryFolder above;
   const fs::path folder = above / "rgbd_bonn_balloon";
   write_lists(folder);
-  expect_error(folder, "the camera is not known");  // the images are none of Bonn's
+  expect_error(folder, "the camera is not known");  // image size differs from Bonn's
   for (int i = 0; i < kFrames; ++i)
     cv::imwrite((folder / fmt::format("depth/{}.png", i)).string(), cv::Mat(480, 640, CV_16U, cv::Scalar(5000 + i)));
   EXPECT_EQ(
@@ -304,7 +304,7 @@ TEST(ColourOfAnotherSize, KeepsItsPixelsByACameraInTheSamePlace) {
     write_images(i, folder / fmt::format("depth/{}.png", i), folder / fmt::format("rgb/{}.png", i), 1000, kTwice);
   write_text(folder / "intrinsics.json",
              R"({"width": 64, "height": 48, "fx": 52.5, "fy": 52.25, "cx": 31.5, "cy": 23.75, "depth_scale": 1000})");
-  write_text(folder / "rgb/0.png", "not an image");  // the next one tells the size
+  write_text(folder / "rgb/0.png", "not an image");  // the size comes from the next image
   const auto source = open_source(folder.path().string());
   EXPECT_EQ(source->rig(), Rig(kCamera, ColourCamera{.camera = kTwice}));
   EXPECT_TRUE(source->next()->colour.empty());

@@ -27,7 +27,7 @@ std::vector<Read> read(RosRecording& recording) {
   return all;
 }
 
-/// Two topics; messages of some size that do not pack, so that there are several chunks.
+/// Writes two topics with incompressible messages, large enough for several chunks.
 std::vector<Read> write(McapWriter& writer) {
   const auto a = writer.add({"/a", "protobuf", "x.A", "protobuf", "what A is"});
   std::optional<std::uint16_t> b;
@@ -52,7 +52,7 @@ TEST(McapWriter, WritesWhatTheReaderReads) {
   const auto recording = open_mcap(folder / "x.mcap");
   ASSERT_EQ(recording->topics().size(), 2u);
   EXPECT_EQ(recording->topics()[0].type, "x.A");
-  EXPECT_EQ(recording->topics()[0].messages, 30u);  // as the summary tells
+  EXPECT_EQ(recording->topics()[0].messages, 30u);  // from the summary
   EXPECT_EQ(recording->topics()[1].messages, 10u);
   EXPECT_TRUE(read(*recording) == all);
   EXPECT_FALSE(recording->ended_early());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Camera files of SLAM programs, of structure from motion, and of apps on phones.
+// Camera files of SLAM programs, of structure from motion, and of phone apps.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -148,7 +148,7 @@ TEST(OtherCameras, AreThoseOfAppsOnPhones) {
   struct Case {
     const char *name, *text;
   };
-  // Of color with twice the size; Record3D's K is column by column, 3D Scanner App's row by row.
+  // Color has twice the size; Record3D's K is column-major, 3D Scanner App's row-major.
   for (const Case& c : {Case{"metadata.json", R"({"w": 128, "h": 96, "dw": 64, "dh": 48, "fps": 30,
                              "K": [105, 0, 0, 0, 104.5, 0, 63.5, 48, 1]})"},
                         {"frame_00000.json", R"({"time": 1.5, "frame_index": 0,
@@ -166,7 +166,7 @@ TEST(OtherCameras, AreThoseOfAppsOnPhones) {
     ASSERT_TRUE(rig.colour);
     EXPECT_EQ(rig.colour->camera.fx, 105);
   }
-  const Folder folder;  // other programs' files of these names are no cameras
+  const Folder folder;  // files with these names from other programs are ignored
   folder.write("metadata.json", R"({"title": "scan"})");
   folder.write("info.json", "not JSON");
   EXPECT_TRUE(has(refusal(folder.path()), "the camera is not known: write its intrinsics"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Images of other kinds than PNG and JPEG of color and one channel of depth.
+// Image formats beyond PNG and JPEG color and single-channel depth.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -63,7 +63,7 @@ TEST(OtherImages, ThatAreCutOffOrTooLargeAreRefused) {
   auto bomb = encoded(".bmp", picture());
   for (const std::size_t at : {19u, 23u}) bomb[at] = 0x10;  // 4096 + 17 by 4096 + 13 pixels
   EXPECT_THROW((void)decode_image(bomb, Pixels::rgba), std::runtime_error);
-  bomb[19] = bomb[23] = 0x0f;  // 3857 by 3853, which the file has no bytes for
+  bomb[19] = bomb[23] = 0x0f;  // 3857 by 3853 pixels, more than the file's data
   EXPECT_NE(error_of([&] { (void)decode_image(bomb, Pixels::rgba); }).find("cut off"), std::string::npos);
 }
 

@@ -28,7 +28,7 @@ Ranges ranges_of(const PartsPlan& plan, std::size_t recording = 0) {
   return ranges;
 }
 
-/// Small depth images alone.
+/// Writes small depth images without color.
 void write_recording(const fs::path& folder, int frames) {
   write_small_recording(folder, {.frames = frames, .colour = false});
 }
@@ -40,7 +40,7 @@ struct Plan {
   PartsPlan of(const std::vector<std::string>& recordings, int frames_per_part, int overlap) const {
     return plan_parts(recordings, at, {.frames_per_part = frames_per_part, .overlap = overlap});
   }
-  /// A recording of 12 frames as two parts: frames 0 to 6, and 5 to 11.
+  /// Splits a recording of 12 frames into two segments: frames 0 to 6, and 5 to 11.
   std::string of_twelve() const {
     const std::string recording = (folder / "walk").string();
     write_recording(recording, 12);
@@ -104,7 +104,7 @@ TEST(Parts, StayAsTheyAreWhereAPlanGrows) {
     return files;
   };
   const auto old = all();
-  ASSERT_EQ(old.size(), 3u);  // two parts, and the plan
+  ASSERT_EQ(old.size(), 3u);  // two segments, and the plan
   for (const fs::path& file : old) fs::last_write_time(file, long_ago);
   const auto bytes = bytes_below(plan.at);
   const auto is_untouched = [&](const fs::path& file) { return fs::last_write_time(file) == long_ago; };
@@ -205,7 +205,7 @@ TEST(Parts, HaveTheTruthOfTheirRecording) {
   EXPECT_EQ(understanding_of(plan.part("001")).size(), understanding_of(recording).size());
 }
 
-/// Depth of `frames` frames in a recording of ROS; without an index nobody knows how many there are.
+/// Writes depth frames to a ROS bag; without an index the number of frames is unknown.
 void write_bag(const fs::path& file, int frames, bool indexed) {
   constexpr ros::Wire kWire = ros::Wire::ros1;
   constexpr std::int64_t kFirst = 1'700'000'000'000'000'000, kStep = 33'000'000;  // ns
@@ -249,7 +249,7 @@ TEST(Parts, AreCutWhereFramesAreOnlyReadInOrder) {
   }
 }
 
-/// Some frames of a room as a rig takes them.
+/// Writes frames of a room, rendered with a rig.
 void write_taken_by(const fs::path& folder, const Rig& rig, int frames = 4) {
   const Scene scene = synthetic_scene("room");
   SceneRenderer depth(test_device(), scene, rig.depth), colour(test_device(), scene, rig.colour_view());
@@ -293,17 +293,17 @@ TEST(Parts, OfAnotherCameraAreAsThePlansCameraSeesThem) {
       alike += most < 16;
     }
     EXPECT_GT(seen, x->depth.size() * 9 / 10);
-    EXPECT_GT(near, seen * 95 / 100);  // half a pixel aside: 93 %, and 82 % alike
+    EXPECT_GT(near, seen * 95 / 100);  // a shift of half a pixel gives 93 %, and 82 % alike
     EXPECT_GT(alike, seen * 84 / 100);
   }
-  // The plan grows, and knows which is which; also where the first one is not named again.
+  // The plan grows and keeps the cameras assigned, also if the first recording is not named again.
   write_taken_by(plan.folder / "c", Rig(second));
   const auto bytes = bytes_below(plan.at / "parts" / "001");
   EXPECT_TRUE(plan.of({b, (plan.folder / "c").string()}, 10, 2).recordings[2].other_camera);
   EXPECT_EQ(bytes_below(plan.at / "parts" / "001"), bytes);
   fs::remove(plan.at / "parts" / "001" / "camera.yaml");
   expect_error(error_of([&] { (void)open_source(plan.part("001")); }), {"camera.yaml"});
-  plan.of({a}, 10, 2);  // which writes it again
+  plan.of({a}, 10, 2);  // writes the file again
   EXPECT_EQ(bytes_below(plan.at / "parts" / "001"), bytes);
   fs::remove_all(b);
   write_taken_by(b, Rig(first));
@@ -400,7 +400,7 @@ TEST(Parts, AreNotThoseOfARecordingThatChanged) {
                {plan.part("001") + ": its recording, ", "is not there: bring it back"});
 }
 
-/// What reading a plan says after `change` of its plan.json.
+/// Returns the error of reading a plan after `change` of its plan.json.
 std::string error_of_plan(const Plan& plan, const std::function<void(nlohmann::json&)>& change) {
   auto json = nlohmann::json::parse(read_bytes(plan.at / "plan.json"));
   const std::string before = read_bytes(plan.at / "plan.json");

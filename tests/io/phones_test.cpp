@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// What apps of phones export, written here from exact views of a room.
+// Exports of phone apps, written here from exact views of a room.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -44,7 +44,7 @@ void write_color(const fs::path& file, const Frame& frame, const Camera& camera)
   cv::imwrite(file.string(), bgr);
 }
 
-/// world_from_camera with OpenGL's axes of the camera.
+/// world_from_camera with OpenGL's camera axes.
 Eigen::Matrix4d opengl_pose(const Frame& frame) {
   Eigen::Matrix4d pose = frame.world_from_camera->matrix();
   pose.col(1) *= -1;
@@ -68,7 +68,7 @@ void expect_poses(const fs::path& folder, int frames = kFrames) {
         << i;
 }
 
-/// Median and 90th percentile of the difference in depth, meters, where both have some.
+/// Median and 90th percentile of the depth difference in meters, over pixels with depth in both.
 std::pair<double, double> apart(const std::vector<float>& a, const std::vector<float>& b) {
   std::vector<double> all;
   for (std::size_t i = 0; i < a.size() && i < b.size(); ++i)
@@ -87,7 +87,7 @@ struct Nerfstudio {
     write_png(folder / fmt::format("depth/{}.png", i), view(its, i), its);
     write_color(folder / fmt::format("images/{}.png", i), view(its, i), its);
   }
-  /// `names`: file_path and depth_file_path, and what else the frame has.
+  /// `names`: file_path, depth_file_path and further fields of the frame.
   void add(int i, const std::string& names) {
     Eigen::Matrix4d pose = opengl_pose(view(kCamera, i));
     pose.topRightCorner<3, 1>() *= scale;
@@ -144,7 +144,7 @@ TEST(Nerfstudio, OfDepthAloneGivesFramesAndPoses) {
     write_png(scan.folder / fmt::format("depth/{}.png", i), view(kCamera, i), kCamera);
     scan.add(i, fmt::format(R"("depth_file_path": "depth/{}.png")", i));
   }
-  scan.camera = R"("w": 128, "h": 96, "fl_x": 105, "fl_y": 104.5, "cx": 64, "cy": 48.5)";  // of images that are gone
+  scan.camera = R"("w": 128, "h": 96, "fl_x": 105, "fl_y": 104.5, "cx": 64, "cy": 48.5)";  // size of the missing images
   scan.write();
   const auto source = scan.open();
   EXPECT_EQ(source->rig(), Rig(kCamera));
@@ -185,9 +185,9 @@ TEST(Nerfstudio, TakesBackTheScaleOfItsPoses) {
   expect_poses(scan.folder.path());
 }
 
-/// Of a lens that breathes by 4 % a frame, as depth would be seen by the first camera.
+/// The focal length changes by 4 % per frame; depth is compared with the first camera's view.
 TEST(Nerfstudio, TurnsEachFrameIntoTheCameraOfTheFirst) {
-  constexpr double kMedian = 2e-3, kMost = 0.015;  // meters; taken as the first camera's they are 1 cm and more apart
+  constexpr double kMedian = 2e-3, kMost = 0.015;  // meters; without resampling the difference is 1 cm or more
   Nerfstudio scan;
   for (int i = 0; i < kFrames; ++i) {
     Camera its = kCamera;
@@ -267,7 +267,7 @@ struct Record3d {
       write_color(folder / fmt::format("rgb/{}.jpg", i), frame, kCamera);
     }
   }
-  /// K is that of twice the size, as of images that were made smaller.
+  /// K has twice the image size, as after downscaling the images.
   void write() const {
     write_text(folder / "metadata.json",
                fmt::format(R"({{"K": [105, 0, 0, 0, 104.5, 0, 63.5, 48, 1], "w": 128, "h": 96, "dw": 64, "dh": 48, )"
@@ -380,7 +380,7 @@ TEST(Polycam, GivesKeyframesWithTheirAdjustedPosesTimesAndConfidence) {
   EXPECT_EQ(first->colour.size(), 64u * 48u);
   EXPECT_EQ(first->confidence[0], 255);
   EXPECT_EQ(first->confidence[1], 0);
-  EXPECT_EQ(first->confidence[2], 128);  // what phone_lidar keeps
+  EXPECT_EQ(first->confidence[2], 128);  // threshold of phone_lidar
   expect_poses(scan.folder.path());
 }
 

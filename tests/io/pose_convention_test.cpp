@@ -51,12 +51,12 @@ TEST(PoseConvention, RefusesWhatHasNoMeaning) {
 TEST(PoseConvention, TurnsPosesIntoTheProgramsOwn) {
   const Eigen::Isometry3d truth = some_pose(0);
   EXPECT_TRUE(read_as("camera_from_world", truth.inverse()).isApprox(truth, 1e-12));
-  // A camera of OpenGL looks along -z and has y up.
+  // OpenGL's camera looks along -z with y up.
   Eigen::Isometry3d gl = truth;
   gl.linear() = truth.linear() * Eigen::DiagonalMatrix<double, 3>(1, -1, -1);
   EXPECT_TRUE(read_as("opengl", gl).isApprox(truth, 1e-12));
   EXPECT_TRUE(read_as("camera_from_world,opengl", gl.inverse()).isApprox(truth, 1e-12));
-  // A body of ROS looks along x and has z up.
+  // ROS' body frame has x forward and z up.
   const Eigen::Isometry3d read = read_as("ros", truth);
   EXPECT_TRUE((read.linear() * Eigen::Vector3d::UnitZ()).isApprox(truth.linear() * Eigen::Vector3d::UnitX(), 1e-12));
   EXPECT_TRUE((read.linear() * Eigen::Vector3d::UnitY()).isApprox(truth.linear() * -Eigen::Vector3d::UnitZ(), 1e-12));
@@ -82,7 +82,7 @@ TEST(PoseConvention, MirrorsTheWorldOfALeftHandedOne) {
   const PoseConvention unity = pose_convention("unity");
   const Eigen::Matrix3d flip = unity.axes;
   ASSERT_LT(flip.determinant(), 0);
-  // As Unity has them: both the world and the camera have y up.
+  // Unity's convention: y up in both the world and the camera.
   Eigen::Isometry3d mirrored = Eigen::Isometry3d::Identity();
   const Eigen::Isometry3d truth = some_pose(0.3);
   mirrored.linear() = flip * truth.linear() * flip;

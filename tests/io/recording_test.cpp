@@ -23,7 +23,7 @@ void write_colour(const fs::path& file, int width = 64, int height = 48) {
   cv::imwrite(file.string(), cv::Mat(height, width, CV_8UC3, cv::Scalar(10, 20, 30)));
 }
 
-/// A TUM recording of four frames at 0, 0.1, 0.2 and 0.3 s, 1 m deep.
+/// TUM recording of four frames at 0, 0.1, 0.2 and 0.3 s, 1 m deep.
 struct Tum {
   TemporaryFolder folder;
   Tum() {
@@ -75,9 +75,9 @@ TEST(TumRecording, PairsNearestTimestampsOneToOne) {
   Tum tum;
   write_text(tum.folder / "rgb.txt", "0.012 rgb/0.png\n0.101 rgb/1.png\n0.25 rgb/2.png\n");
   const auto frames = tum.read();
-  EXPECT_FALSE(frames[0].colour.empty());  // 12 ms away
+  EXPECT_FALSE(frames[0].colour.empty());  // 12 ms off
   EXPECT_FALSE(frames[1].colour.empty());
-  EXPECT_TRUE(frames[2].colour.empty());  // 50 ms away
+  EXPECT_TRUE(frames[2].colour.empty());  // 50 ms off
   EXPECT_FALSE(frames[2].problem);
 }
 
@@ -124,11 +124,11 @@ TEST(TumRecording, TellsWhatIsWrongWithAFrameAndGoesOn) {
       {"colours", [](const fs::path& f) { write_colour(f); }, "3 channels of 8 bits; depth must be a 16-bit"},
       {"other size", [](const fs::path& f) { write_depth(f, 5000, CV_16U, 32, 24); }, "32x24"},
       {"all zero", [](const fs::path& f) { write_depth(f, 0); }, "no measurement"},
-      // 65536 x 65536 pixels of 16 bits, told by a file of some hundred bytes.
+      // 65536 x 65536 pixels of 16 bits, declared by a file of some hundred bytes.
       {"too large", [](const fs::path& f) { write_text(f, read_bytes(f).replace(16, 8, "\0\1\0\0\0\1\0\0"s)); },
        "is 65536x65536, the camera 64x48"},
       {"TIFF", [](const fs::path& f) { write_text(f, "II*\0\0\0\0\0"s); }, "no TIFF that can be read"},
-      // OpenCV would hand it to its DICOM decoder, which aborts on much.
+      // OpenCV would use its DICOM decoder, which aborts on many inputs.
       {"DICOM that begins like a PNG",
        [](const fs::path& f) { write_text(f, std::string("\x89PNG").append(124, '\0').append("DICM IEND")); },
        "neither PNG nor JPEG"},
@@ -199,7 +199,7 @@ TEST(SevenScenes, FindsTheKinectsColourCameraByItself) {
   CAIRN_REQUIRE_DATA("7scenes_redkitchen_600");
   const Rig rig = open_source((data_folder() / "7scenes_redkitchen_600").string())->rig();
   ASSERT_TRUE(rig.colour);
-  // A Kinect's lenses stand 2.5 cm apart; the focal length of its colour camera is 525 pixels, of ROS' calibrations.
+  // A Kinect's lenses are 2.5 cm apart; the focal length of its color camera is 525 pixels in ROS' calibrations.
   EXPECT_NEAR(rig.colour->camera.fx, 525, 5);
   EXPECT_NEAR(rig.colour->colour_from_depth.translation().x(), -0.025, 0.003);
   EXPECT_LT(rig.colour->colour_from_depth.translation().tail<2>().norm(), 0.006);

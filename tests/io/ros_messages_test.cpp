@@ -59,7 +59,7 @@ TEST(RosMessages, TellTheLensOfEachModel) {
   const Camera fisheye = camera_told("equidistant", {0.1, 0.2, 0.3, 0.4});
   EXPECT_EQ(fisheye.lens, Lens::fisheye);
   EXPECT_EQ(fisheye.distortion, (std::array<double, 8>{0.1, 0.2, 0.3, 0.4}));
-  // The writer's P has twice the focal length, and rectified images no distortion.
+  // P has twice the focal length of K, and rectified images have no distortion.
   const Camera rectified = camera_told("plumb_bob", {0.1, 0, 0, 0, 0}, true);
   EXPECT_EQ(rectified.fx, 1200);
   EXPECT_FALSE(rectified.distorted());
@@ -68,9 +68,9 @@ TEST(RosMessages, TellTheLensOfEachModel) {
 }
 
 TEST(RosMessages, TurnTheInverseModelOfLibrealsenseRound) {
-  const double k1 = -0.055, k2 = 0.065, p1 = 0.0004, p2 = -0.0002, k3 = -0.021;  // as of a D455
+  const double k1 = -0.055, k2 = 0.065, p1 = 0.0004, p2 = -0.0002, k3 = -0.021;  // similar to a D455
   const Camera camera = camera_told("Inverse Brown Conrady", {k1, k2, p1, p2, k3});
-  constexpr double kOfTheFit = 0.02;  // pixels
+  constexpr double kOfTheFit = 0.02;  // pixels, error of the fit
   for (const double u : {0.0, 160.0, 320.0, 500.0, 639.0})
     for (const double v : {0.0, 100.0, 240.0, 479.0}) {
       const double x = (u - camera.cx) / camera.fx, y = (v - camera.cy) / camera.fy, r2 = x * x + y * y;
@@ -132,7 +132,7 @@ TEST(RosMessages, HoldDepthThatWasPackedByItsInverse) {
 }
 
 TEST(RosMessages, HoldDepthPackedAsRvl) {
-  // By hand: 2 zeros, 2 others, +5 as 10 = 1 010 in two pieces, +1 as 2.
+  // Encoded by hand: 2 zeros, 2 nonzeros, +5 as 10 = 1 010 in two groups, +1 as 2.
   const auto unpacked = [](const std::string& bytes, std::size_t pixels) {
     return unpacked_rvl(span_of(bytes), pixels);
   };
@@ -157,7 +157,7 @@ TEST(RosMessages, HoldDepthPackedAsRvl) {
 }
 
 TEST(RosMessages, HoldColourAsYuvInRowsOfAnOddNumber) {
-  // 17 pixels: nine pairs, of which the last one's second pixel is no part of the image.
+  // 17 pixels: nine pairs; the second pixel of the last pair is outside of the image.
   constexpr int kWidth = 17, kHeight = 16;
   for (const char* encoding : {"yuv422", "uyvy", "yuv422_yuy2", "yuyv"}) {
     SCOPED_TRACE(encoding);
@@ -198,7 +198,7 @@ TEST(RosMessages, RefuseSizesThatTheirBytesDoNotHold) {
             std::string::npos);
   EXPECT_EQ(error({1, "frame", 16, 16, "mono8", std::string(256, 'x'), 1}, {.size = {64, 48}}),
             "is 16x16, the camera 64x48");
-  // An RVL image of pixels that its bytes do not hold.
+  // RVL image with a larger size than its data.
   std::string rvl(8, '\0');
   rvl[3] = rvl[7] = '\x40';
   const std::string bytes =
@@ -210,7 +210,7 @@ TEST(RosMessages, RefuseSizesThatTheirBytesDoNotHold) {
 }
 
 TEST(RosMessages, HoldColourAsYuvAndBehindAFilter) {
-  // A grey image in each: of UYVY and YUYV brightness lies in every second byte, a filter sees it everywhere.
+  // Gray image in each encoding: UYVY and YUYV have luma in every second byte, Bayer in every byte.
   const auto colour_in = [](const char* encoding, const std::string& data, int size) {
     const std::string bytes = image(Wire::ros1, {1, "frame", 16, 16, encoding, data, size});
     return colour_of(read_ros_image(span_of(bytes), RosEncoding::ros1, "sensor_msgs/Image"));
@@ -221,7 +221,7 @@ TEST(RosMessages, HoldColourAsYuvAndBehindAFilter) {
   EXPECT_EQ(from_uyvy, from_yuyv);
   EXPECT_EQ(from_uyvy[40], 0xff808080u);
   EXPECT_EQ(colour_in("bayer_rggb8", std::string(256, '\x7f'), 1)[40], 0xff7f7f7fu);
-  // Red lies in the upper left of each 2x2 pixels.
+  // Red is the upper left of each 2x2 pixels.
   std::string red;
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 16; ++x) red += x % 2 == 0 && y % 2 == 0 ? '\xff' : '\0';

@@ -24,18 +24,19 @@ namespace {
 using ros::Wire;
 constexpr int kFrames = 6;
 constexpr std::int64_t kBegin = 1'700'000'000'000'000'000, kStep = 33'333'333, kDelay = 4'000'000;  // ns
-constexpr std::int64_t kLate = 20'000'000;  // ns that messages take to arrive
+constexpr std::int64_t kLate = 20'000'000;  // ns, message latency
 const Camera kDepthCamera{64, 48, 52.5, 52.25, 31.5, 23.75, {}};
 const Camera kColourCamera{96, 80, 90.5, 90.25, 47.5, 40.25, {0.1, -0.05, 0.001, 0.002, 0.01}};
-const Eigen::Vector3d kRate(0.1, -0.2, 0.3), kUp(0, -9.81, 0);  // as the inertial sensor measures them
+const Eigen::Vector3d kRate(0.1, -0.2, 0.3),
+    kUp(0, -9.81, 0);  // rad/s in the inertial sensor frame; m/s^2 in the depth camera frame
 
-/// The colour camera stands 2.5 cm to the right of the depth camera and is turned a little.
+/// depth_from_colour: the color camera is 2.5 cm to the right of the depth camera and slightly rotated.
 Eigen::Isometry3d depth_from_colour() {
   Eigen::Isometry3d pose(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY()));
   pose.translation() = Eigen::Vector3d(0.025, 0.001, -0.002);
   return pose;
 }
-/// The inertial sensor has x forward, y to the left and z up.
+/// depth_from_imu: the inertial sensor has x forward, y left and z up.
 Eigen::Isometry3d depth_from_imu() {
   Eigen::Matrix3d turn;
   turn << 0, -1, 0, 0, 0, -1, 1, 0, 0;
@@ -61,14 +62,14 @@ const Images& images() {
   return made;
 }
 
-/// What a recording holds, and how it is spoilt.
+/// Content of a recording, and its defects.
 struct Told {
   Wire wire = Wire::ros1;
   std::string depth_encoding = "16UC1", colour_encoding = "rgb8";
   std::string depth_topic = "/camera/depth/image_raw", colour_topic = "/camera/color/image_raw";
   bool info = true, tf = true, imu = true;
   int colour_every = 1;
-  std::int64_t colour_clock = 0;  // ns ahead of depth's
+  std::int64_t colour_clock = 0;  // ns ahead of depth's clock
   int bad_depth = -1;
   double metres_per_metre = 1;
 };
@@ -93,7 +94,7 @@ std::string depth_message(const Told& t, int i, std::int64_t stamp) {
   auto units = millimetres(frame, t.metres_per_metre);
   ros::ImageMessage m{stamp, "depth_optical", kDepthCamera.width, kDepthCamera.height, t.depth_encoding, raw(units), 2};
   if (t.depth_encoding == "32FC1") m.data = raw(frame.depth), m.pixel_size = 4;
-  if (t.depth_encoding == "mono16") {  // big endian, with a gap behind each row
+  if (t.depth_encoding == "mono16") {  // big-endian, with padding after each row
     m.big_endian = true, m.more_per_row = 6, m.data.clear();
     for (std::size_t p = 0; p < units.size(); ++p) {
       m.data += static_cast<char>(units[p] >> 8);
@@ -141,7 +142,7 @@ std::string type_of(const std::string& encoding) {
 ros::Messages messages(const Told& t = {}) {
   ros::Messages all;
   if (t.tf) {
-    // Both hang below a base, as robots have it.
+    // Both cameras are children of a base frame, as on robots.
     Eigen::Isometry3d base_from_depth(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
     base_from_depth.translation() = Eigen::Vector3d(0.1, 0.2, 0.3);
     all.push_back({"/tf_static", "tf2_msgs/TFMessage", kBegin,
@@ -208,7 +209,7 @@ void expect_all(const std::filesystem::path& file) {
     expect_depth(*frame, i);
     EXPECT_EQ(frame->colour, images().colour[i]);
     EXPECT_EQ(frame->index, static_cast<int>(i));
-    constexpr double kOfDoubles = 1e-6;  // seconds since 1970
+    constexpr double kOfDoubles = 1e-6;  // precision in seconds since 1970
     EXPECT_NEAR(frame->timestamp - 1.7e9, 1e-9 * kStep * static_cast<double>(i), kOfDoubles);
     EXPECT_NEAR(frame->colour_delay, 1e-9 * kDelay, kOfDoubles);
     ASSERT_EQ(frame->gyro.size(), 4u);
@@ -311,7 +312,7 @@ TEST(RosSource, ReadsEveryEncodingOfColour) {
     return sum / static_cast<double>(frame.colour.size());
   };
   EXPECT_LT(mean_error(read(InFile(Told{.colour_encoding = "mono8"}).file)[3], 3, true), 1);
-  constexpr double kOfJpeg = 4;  // steps of 255
+  constexpr double kOfJpeg = 4;  // gray levels out of 255
   EXPECT_LT(mean_error(read(InFile(Told{.colour_encoding = "rgb8; jpeg compressed bgr8"}).file)[3], 3, false), kOfJpeg);
 }
 
@@ -418,7 +419,7 @@ TEST(RosSource, ReadsWhatLibrealsenseRecords) {
       camera_info(Wire::ros1, "", kColourCamera.rectified(), "Inverse Brown Conrady", {0, 0, 0, 0, 0}));
   for (int i = 0; i < kFrames; ++i) {
     const std::int64_t stamp = kBegin + i * kStep, time = 1'000'000 + i * kStep;
-    // Infrared images lie beside depth and have more of them.
+    // Infrared images belong to the depth sensor and outnumber the depth images.
     for (int j = 0; j < 2; ++j)
       put("/device_0/sensor_0/Infrared_1/image/data", "sensor_msgs/Image", time,
           image(Wire::ros1, {stamp + j, "0", 64, 48, "8UC1", std::string(64 * 48, 'i'), 1}));
@@ -469,7 +470,7 @@ TEST(RosSource, TellsWhatIsWrongWithAFrameAndGoesOn) {
       << *frames[2].problem;
   EXPECT_NE(frames[2].problem->find("has 10 bytes"), std::string::npos) << *frames[2].problem;
   EXPECT_FALSE(frames[3].problem);
-  EXPECT_EQ(frames[3].gyro.size(), 8u);  // with those of the frame that could not be read
+  EXPECT_EQ(frames[3].gyro.size(), 8u);  // includes samples of the unreadable frame
 }
 
 TEST(RosSource, DoubtsAUnitThatIsWrong) {
@@ -522,7 +523,7 @@ TEST(RosSource, RefusesWhatItCannotReadInOneLine) {
   EXPECT_NE(error_of([] { (void)open_source("nowhere.bag"); }).find("nowhere.bag"), std::string::npos);
 }
 
-/// The same messages as a file may hold them: the last first, one topic after another, or in any order.
+/// The same messages in other file orders: reversed, grouped by topic, shuffled.
 std::vector<ros::Messages> out_of_order(const ros::Messages& all) {
   ros::Messages backwards(all.rbegin(), all.rend()), by_topic = all, shuffled = all;
   std::stable_sort(by_topic.begin(), by_topic.end(), [](const auto& a, const auto& b) { return a.topic > b.topic; });
@@ -531,7 +532,7 @@ std::vector<ros::Messages> out_of_order(const ros::Messages& all) {
   return {backwards, by_topic, shuffled};
 }
 
-/// Times of arrival of all messages of a recording as it plays them, seconds.
+/// Arrival times of all messages in playback order, seconds.
 std::vector<double> received(const std::filesystem::path& file) {
   const auto recording = open_ros_recording(file);
   std::vector<double> times;
@@ -539,7 +540,7 @@ std::vector<double> received(const std::filesystem::path& file) {
   return times;
 }
 
-/// Messages of so many bytes at whole seconds.
+/// Messages of the given size at whole seconds.
 ros::Messages messages_at(const std::vector<int>& seconds, std::size_t bytes = 8) {
   ros::Messages all;
   for (const int second : seconds)
@@ -579,7 +580,7 @@ TEST(RosSource, PlaysRosbag2InTimeOrderWithAndWithoutAnIndex) {
 }
 
 TEST(RosSource, MergesFilesOfAFolderByTheirTimes) {
-  // Listed backwards, and each of two with the messages of its own topics.
+  // Image files in reverse time order, and a third file with the other topics.
   const auto all = messages({.wire = Wire::little});
   ros::Messages images, others;
   for (const auto& m : all) (m.topic.find("image") != m.topic.npos ? images : others).push_back(m);
@@ -644,7 +645,7 @@ TEST(RosSource, KeepsTheOrderOfMessagesOfOneTime) {
 
 TEST(RosSource, MergesMoreThanItHoldsByReadingChunksAgain) {
   constexpr int kChunks = 16;
-  constexpr std::size_t kBytes = 10 << 20;  // two of them a chunk: 320 MiB in all
+  constexpr std::size_t kBytes = 10 << 20;  // two per chunk: 320 MiB in total
   std::vector<int> seconds;
   for (int i = 0; i < kChunks; ++i) seconds.insert(seconds.end(), {i, 100 + i});
   const InFile in("a.mcap", mcap(messages_at(seconds, kBytes), "cdr", {.compression = "zstd", .per_chunk = 2}));

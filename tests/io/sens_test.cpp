@@ -37,20 +37,20 @@ std::string intrinsic(const Camera& camera) {
   return rows(m);
 }
 
-/// What the file is made of, and how it is spoilt.
+/// Content of the file, and its defects.
 struct Written {
   int colour_kind = 1, depth_kind = 1;
   std::uint32_t version = 4;
   std::uint64_t frames = kFrames;
   float depth_shift = 4000;
   bool stamped = true;
-  bool backwards = false;  // the last frame first
-  int bad_depth = -1;      // frame whose depth bytes are nonsense
+  bool backwards = false;  // last frame first
+  int bad_depth = -1;      // frame with corrupt depth bytes
   Eigen::Isometry3d colour_extrinsic = Eigen::Isometry3d(Eigen::Translation3d(0.025, 0, 0));
 };
 
 struct Recorded {
-  std::vector<Frame> frames;    // depth as the file's units can hold it
+  std::vector<Frame> frames;    // depth rounded to the file's units
   std::vector<cv::Mat> colour;  // BGR
 };
 
@@ -118,7 +118,7 @@ std::string sens(const Written& w = {}) {
     file += rows(pose) + bytes(w.stamped ? time + 4'000 : 0) + bytes(time) + bytes(std::uint64_t{colour.size()}) +
             bytes(std::uint64_t{depth.size()}) + colour + depth;
   }
-  return file + bytes(std::uint64_t{1}) + std::string(15 * 8 + 8, '\1');  // the inertial sensor's
+  return file + bytes(std::uint64_t{1}) + std::string(15 * 8 + 8, '\1');  // inertial frames
 }
 
 struct InFile {
@@ -154,7 +154,7 @@ TEST(Sens, GivesWhatWasWrittenInEveryKindOfPacking) {
       for (std::size_t p = 0; p < units.size(); ++p)
         ASSERT_EQ(frames[i].depth[p], static_cast<float>(units[p]) * (1.0f / w.depth_shift));
       ASSERT_EQ(frames[i].colour.size(), recorded().colour[i].total());
-      if (colour_kind == 2) continue;  // JPEG changes them
+      if (colour_kind == 2) continue;  // JPEG is lossy
       for (std::size_t p = 0; p < frames[i].colour.size(); ++p) {
         const auto& bgr = recorded().colour[i].at<cv::Vec3b>(static_cast<int>(p));
         ASSERT_EQ(frames[i].colour[p], 0xff000000u | (bgr[0] << 16u) | (bgr[1] << 8u) | bgr[2]);
@@ -169,7 +169,7 @@ TEST(Sens, TellsBothCamerasAndWhereTheColourCameraIs) {
   EXPECT_EQ(rig.depth, kDepthCamera);
   ASSERT_TRUE(rig.colour);
   EXPECT_EQ(rig.colour->camera, kColourCamera);
-  // Its place in the sensor is 2.5 cm to the right: a point of the depth camera lies 2.5 cm to the left of it.
+  // The color camera is 2.5 cm to the right: points of the depth camera shift 2.5 cm to the left in its frame.
   EXPECT_NEAR(rig.colour->colour_from_depth.translation().x(), -0.025, 1e-7);
 }
 
@@ -199,7 +199,7 @@ TEST(Sens, SortsFramesThatAreNotInTimeOrder) {
   }
   const InFile in(file);
   const Trajectory truth = recorded_truth(in.file);
-  ASSERT_EQ(truth.size(), std::size_t{kFrames - 1});  // but the one that is no pose
+  ASSERT_EQ(truth.size(), std::size_t{kFrames - 1});  // without the invalid pose
   EXPECT_TRUE(truth[0].world_from_camera.isApprox(*recorded().frames[0].world_from_camera, 1e-5));
 }
 

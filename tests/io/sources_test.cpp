@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Sources that are not folders: OpenNI2 files, colour from beside the depth camera, frames as time passes.
+// Sources other than folders: OpenNI2 files, color from a separate camera, live playback.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -22,7 +22,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Small frames, as fast as they are asked for or one in each `period`.
+/// Source of small frames, on demand or one per `period`.
 class Ticks final : public Source {
  public:
   Ticks(int count, std::chrono::milliseconds period, bool can_skip = false)
@@ -102,7 +102,7 @@ TEST(OpenNi, IsNotGivenAFileWhoseSizesCannotBe) {
     const std::string all = error_of([&] { (void)open_openni((folder / "a.oni").string()); });
     return all.substr(std::min(all.size(), all.find("at byte")));
   };
-  // The second record begins at byte 100, a property: magic, kind, node, sizes of fields and payload, undo; the name.
+  // The second record is a property at byte 100: magic, kind, node, sizes of fields and payload, undo; the name.
   EXPECT_EQ(error(100, 7), "at byte 100 no record begins here");
   EXPECT_EQ(error(104, 99), "at byte 100 there is no record of kind 99");
   EXPECT_EQ(error(112, 3), "at byte 100 a record has a size that cannot be");
@@ -160,9 +160,9 @@ TEST(CameraFile, RefusesACameraThatMakesNoSense) {
     }
     write_text(folder / "camera.yaml", text);
     write_text(folder / "intrinsics.json", json + "}");
-    // The same fault in either file is told in the same words.
+    // Both files report the same error in the same words.
     const std::string yaml = error_of([&] { (void)read_camera_file(folder / "camera.yaml"); });
-    std::filesystem::remove(folder / "camera.yaml");  // which would be taken
+    std::filesystem::remove(folder / "camera.yaml");  // camera.yaml would have precedence
     const std::string told = error_of([&] { (void)read_intrinsics(folder / "intrinsics.json"); });
     const auto after = [](const std::string& all, const std::string& name) {
       const auto at = all.find(name);
@@ -206,7 +206,7 @@ TEST(LiveSource, SkipsWhatASlowReaderHasNoTimeForAndNeverLagsBehind) {
     EXPECT_GT(frame->index, last);
     last = frame->index;
     ++taken;
-    EXPECT_LT(LiveSource::Clock::now() - source.arrived(), 60ms);  // it waited for the reader at most
+    EXPECT_LT(LiveSource::Clock::now() - source.arrived(), 60ms);  // at most waited for the reader
     std::this_thread::sleep_for(35ms);
   }
   EXPECT_EQ(last, 59);
@@ -254,7 +254,7 @@ TEST(LiveSource, DoesNotReadWhatASlowReaderOfARecordingHasNoTimeFor) {
 }
 
 TEST(LiveSource, WaitsForASlowReaderOfEveryFrame) {
-  LiveSource source(std::make_unique<Ticks>(20, 0ms), Pace::every_frame);  // 20 ms apart
+  LiveSource source(std::make_unique<Ticks>(20, 0ms), Pace::every_frame);  // timestamps every 20 ms
   EXPECT_EQ(source.size(), Ticks(20, 0ms).size());
   std::vector<LiveSource::Clock::time_point> due;
   int last = -1;
@@ -266,13 +266,13 @@ TEST(LiveSource, WaitsForASlowReaderOfEveryFrame) {
   }
   EXPECT_EQ(last, 19);
   EXPECT_EQ(source.dropped(), 0);
-  // No faster than it was taken, also after it was slower: nothing is caught up with.
+  // No faster than recorded, also after a delay: no catching up.
   for (std::size_t i = 1; i < due.size(); ++i) EXPECT_GE(due[i] - due[i - 1], 19ms) << i;
   EXPECT_GE(due[8] - due[0], 400ms);
 }
 
 TEST(LiveSource, PlaysMoreSlowlyWhatCannotBeReadInTime) {
-  LiveSource source(std::make_unique<Ticks>(12, 50ms), Pace::as_recorded);  // 20 ms apart
+  LiveSource source(std::make_unique<Ticks>(12, 50ms), Pace::as_recorded);  // timestamps every 20 ms
   int frames = 0;
   while (source.next()) ++frames;
   EXPECT_GE(frames, 9);
@@ -280,7 +280,7 @@ TEST(LiveSource, PlaysMoreSlowlyWhatCannotBeReadInTime) {
 
 TEST(LiveSource, StopsTheTimeOfARecordingWhileItIsPaused) {
   for (const bool can_skip : {true, false}) {
-    LiveSource source(std::make_unique<Ticks>(40, 1ms, can_skip), Pace::as_recorded);  // 20 ms apart
+    LiveSource source(std::make_unique<Ticks>(40, 1ms, can_skip), Pace::as_recorded);  // timestamps every 20 ms
     std::vector<int> taken;
     const auto take = [&](std::size_t count) {
       while (taken.size() < count)
@@ -309,7 +309,7 @@ TEST(LiveSource, CanBePausedBeforeItsFirstFrameAndEndedWhileItIsPaused) {
   LiveSource source(std::make_unique<Ticks>(5, 0ms), Pace::as_recorded);
   source.pause(true);
   source.pause(true);
-  (void)source.next_within(50ms);  // one may have come before
+  (void)source.next_within(50ms);  // drains a frame from before the pause
   std::this_thread::sleep_for(200ms);
   EXPECT_LE(source.dropped(), 0);
   EXPECT_FALSE(source.ended());
@@ -340,7 +340,7 @@ TEST(Recorder, KeepsDepthAndTimesAsTheyWere) {
   EXPECT_EQ(frame->timestamp, 1.5);
   EXPECT_NEAR(frame->colour_delay, 0.004, 1e-9);
   EXPECT_EQ(frame->colour, colour);
-  depth[5] = 0;  // it does not fit
+  depth[5] = 0;  // not representable in the file
   for (std::size_t i = 0; i < depth.size(); ++i) EXPECT_NEAR(frame->depth[i], depth[i], 1e-4);
   EXPECT_NE(error_of([&] { Recorder(folder / "a", camera); }).find("is not empty"), std::string::npos);
 }

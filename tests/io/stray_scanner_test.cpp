@@ -16,15 +16,16 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kVideoError = 6;  // of 255, mean: what a video with half the resolution of hue loses of the room
+constexpr double kVideoError =
+    6;  // mean error out of 255 of a video with chroma at half the resolution, for the room scene
 
 const Camera kColour{320, 240, 260, 262, 158, 121, {}};
 
-/// Six images of the synthetic room as the app writes them, ten frames of its path from one to the next.
+/// Six images of the synthetic room in the app's format, every tenth frame of its path.
 struct Scan {
   static constexpr int kFrames = 6;
   TemporaryFolder folder;
-  std::vector<Frame> frames;  // the truth: depth in whole mm
+  std::vector<Frame> frames;  // ground truth, depth in whole mm
 
   explicit Scan(const char* codec = "libx264") {
     const Scene scene = synthetic_scene("room");
@@ -80,7 +81,7 @@ void expect_same(const Frame& frame, const Frame& truth) {
   EXPECT_EQ(frame.colour_delay, 0);
   ASSERT_EQ(frame.depth.size(), truth.depth.size());
   ASSERT_EQ(frame.confidence.size(), truth.depth.size());
-  for (std::size_t k = 0; k < truth.depth.size(); ++k)  // what is doubtful is left to whoever knows the sensor
+  for (std::size_t k = 0; k < truth.depth.size(); ++k)  // low-confidence pixels are filtered later by the sensor model
     ASSERT_NEAR(frame.confidence[k] == 0 ? 0 : frame.depth[k], truth.depth[k], 1e-6) << k;
   ASSERT_EQ(frame.colour.size(), truth.colour.size());
   EXPECT_LT(mean_difference(frame.colour, truth.colour), kVideoError);
@@ -96,7 +97,7 @@ TEST(StrayScanner, GivesDepthAndTheVideosImagesOfEachEncoding) {
       const auto frame = source->next();
       ASSERT_TRUE(frame);
       expect_same(*frame, truth);
-      // It is this one's colour, not a neighbour's.
+      // The color belongs to this frame, not to a neighbor.
       for (const Frame& other : scan.frames)
         EXPECT_LE(mean_difference(frame->colour, truth.colour), mean_difference(frame->colour, other.colour));
     }
@@ -113,15 +114,15 @@ TEST(StrayScanner, ScalesTheVideosCameraToDepth) {
   EXPECT_EQ(rig.depth, kColour.at_level(2));
 }
 
-/// What a phone measures that turns as the scan does, ten times from frame to frame: in its own axes (portrait: x to
-/// the right, y up, z out of the screen), or in the camera's.
+/// Motion file for the scan's rotation, ten samples between frames, in the phone's axes (portrait: x right, y up, z out
+/// of the screen) or in the camera's.
 std::string motion_of(const Scan& scan, bool in_phones_axes = true) {
   std::string text = "timestamp, a_x, a_y, a_z, alpha_x, alpha_y, alpha_z\n";
   for (std::size_t i = 1; i < scan.frames.size(); ++i) {
     const Eigen::AngleAxisd turn(
         (scan.frames[i - 1].world_from_camera->inverse() * *scan.frames[i].world_from_camera).linear());
     const Eigen::Vector3d w = turn.angle() / 0.1 * turn.axis();
-    // The camera's x goes down the phone and its y to the phone's left.
+    // The camera's x points down the phone, and its y to the phone's left.
     const Eigen::Vector3d rate = in_phones_axes ? Eigen::Vector3d(-w.y(), -w.x(), -w.z()) : w;
     for (int k = 1; k <= 10; ++k)
       text += fmt::format("{:.6f}, 0, 0, -9.81, {:.12f}, {:.12f}, {:.12f}\n",
@@ -149,7 +150,7 @@ TEST(StrayScanner, ReadsTheGyroscopeAndKnowsItsPlaceWhereTheOdometryAgrees) {
     const Eigen::Isometry3d turn = before.world_from_camera->inverse() * *scan.frames[i].world_from_camera;
     EXPECT_LT(turned.angularDistance(Eigen::Quaterniond(turn.linear())), 1e-6);
   }
-  // In other axes it is still there, and its place is found from how the camera moves.
+  // In other axes the samples are still read, and the rotation is estimated from the camera motion.
   write_text(scan.folder / "imu.csv", motion_of(scan, false));
   EXPECT_FALSE(scan.open()->rig().camera_from_imu);
   const auto other = scan.open();
@@ -195,7 +196,7 @@ TEST(StrayScanner, IsWrittenWithItsGyroscope) {
   Rig rig(small_camera());
   rig.camera_from_imu = Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitX()));
   const auto writer = write_layout("stray-scanner", folder.path(), rig);
-  std::vector<Eigen::Vector3d> rates;  // of the camera
+  std::vector<Eigen::Vector3d> rates;  // in the camera frame
   Eigen::Isometry3d before = Eigen::Isometry3d::Identity();
   for (int i = 0; i < 4; ++i) {
     Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 10 * i);
@@ -308,7 +309,7 @@ TEST(StrayScanner, TellsWhatIsWrongWithAFrameAndGoesOn) {
     ASSERT_TRUE(frame && frame->problem);
     EXPECT_NE(frame->problem->find(problem), std::string::npos) << *frame->problem;
   }
-  EXPECT_GT(source->next()->depth[7 * 80 + 5], 0);  // nothing says that this is doubtful
+  EXPECT_GT(source->next()->depth[7 * 80 + 5], 0);  // no confidence image marks this pixel as doubtful
   expect_same(*source->next(), scan.frames[5]);
 }
 

@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kFrames = 3;
 
-/// All that lies in a folder; `top` stands before its names: empty, or a name and a slash.
+/// Zip entries of a folder; `top` is prepended to the names: empty, or a name and a slash.
 std::vector<ZipEntry> entries_of(const fs::path& folder, const std::string& top = "") {
   std::vector<ZipEntry> entries;
   for (const auto& [name, bytes] : bytes_below(folder))
@@ -29,12 +29,12 @@ std::vector<ZipEntry> entries_of(const fs::path& folder, const std::string& top 
   return entries;
 }
 
-/// Where archives are unpacked while this lives.
+/// Sets the folder for unpacked archives during its lifetime.
 class Unpacking {
  public:
   Unpacking() { setenv("TMPDIR", place_.path().c_str(), 1); }
   ~Unpacking() {
-    EXPECT_THROW((void)unpacked("no.zip"), std::runtime_error);  // the last one goes before its place does
+    EXPECT_THROW((void)unpacked("no.zip"), std::runtime_error);  // releases the last archive before its folder
     EXPECT_EQ(folders(), 0);
     unsetenv("TMPDIR");
   }
@@ -84,7 +84,7 @@ void expect_same_packed(const std::string& layout, const std::string& file = "")
   const Unpacking unpacking;
   const TemporaryFolder folder;
   write(layout, folder / "scan");
-  // As they are, in a folder, as a Mac packs them, and as Windows does.
+  // Flat, in a folder, packed by macOS, and packed by Windows.
   for (const std::string top : {"", "scan/", "./a/b/", "scan\\"}) {
     SCOPED_TRACE(top);
     auto entries = entries_of(folder / "scan", top);
@@ -119,7 +119,7 @@ TEST(ZipRecording, KeepsItsNameForLayoutsThatAreKnownByIt) {
   const TemporaryFolder folder;
   write("tum", folder / "scan");
   fs::remove(folder / "scan/camera.yaml");
-  for (const auto& entry : fs::directory_iterator(folder / "scan/depth"))  // of the benchmark's size
+  for (const auto& entry : fs::directory_iterator(folder / "scan/depth"))  // the benchmark's size
     cv::imwrite(entry.path().string(), cv::Mat(480, 640, CV_16U, cv::Scalar(5000)));
   write_zip(folder / "rgbd_dataset_freiburg3_office.zip", entries_of(folder / "scan"));
   EXPECT_EQ(open_source(folder / "rgbd_dataset_freiburg3_office.zip")->rig().depth.fx, 535.4);
@@ -139,7 +139,7 @@ TEST(ZipRecording, StaysUnpackedAsLongAsASourceReadsIt) {
   EXPECT_FALSE(a->next()->problem);
   a.reset();
   EXPECT_FALSE(again->next()->problem);
-  // Another one of the same name is another recording.
+  // Another file of the same name is another recording.
   write_zip(folder / "b.zip", {{"readme", "nothing"}});
   EXPECT_THROW((void)open_source(folder / "b.zip"), std::runtime_error);
 }
@@ -150,7 +150,7 @@ TEST(ZipRecording, TellsOfTheArchiveNotOfItsTemporaryFolder) {
   write("tum", folder / "scan");
   const auto archive = folder / "a.zip";
   auto entries = entries_of(folder / "scan", "scan/");
-  std::string depth;  // the name of the first image of depth
+  std::string depth;  // name of the first depth image
   for (auto& entry : entries)
     if (depth.empty() && entry.name.starts_with("scan/depth/") && entry.name.ends_with(".png")) {
       depth = entry.name;
@@ -191,7 +191,7 @@ TEST(ZipRecording, KeepsTheFramesBesideADamagedFile) {
   EXPECT_FALSE(source->next()->problem);
 }
 
-/// Opens an archive, which fails with one line that names it and tells `what`.
+/// Expects a one-line error with the archive's name and `what`.
 void expect_error(const fs::path& archive, const std::string& what) {
   const auto error = error_of([&] { (void)open_source(archive); });
   EXPECT_EQ(error.find(archive.string() + ": "), 0u) << error;
@@ -264,7 +264,7 @@ TEST(ZipRecording, RefusesNamesThatNoFolderHolds) {
   expect_error(archive, "holds 'a/rgb.txt' twice");
 }
 
-/// The sizes that an archive's directory tells of its files.
+/// Overwrites the file sizes in an archive's directory.
 void tell_sizes(const fs::path& archive, std::uint32_t size) {
   std::string bytes = read_bytes(archive);
   for (std::size_t at = 0; (at = bytes.find("PK\1\2", at)) != bytes.npos; ++at)
@@ -278,7 +278,7 @@ TEST(ZipRecording, FillsNoDisk) {
   write_zip(folder / "a.zip", {{"rgb.txt", std::string(1000, 'x')}, {"depth.txt", std::string(1000, 'y')}});
   tell_sizes(folder / "a.zip", 0xf0000000u);
   expect_error(folder / "a.zip", "would unpack to 7680 MiB, more than 200 times its size");
-  // What holds more than it tells is cut off there.
+  // Content beyond the declared size is cut off.
   write_zip(folder / "b.zip", {{"rgb.txt", std::string(5u << 20, 'x')}, {"depth.txt", "1 1.png\n"}});
   tell_sizes(folder / "b.zip", 8);
   testing::internal::CaptureStdout();
@@ -329,7 +329,7 @@ TEST(ZipRecording, IsReconstructedResumedAndRemovedByTheProgram) {
   };
   const auto whole = run(scan, "whole", {});
   run(archive, "map", {"--frames", "0:12"});
-  fs::copy(archive, folder / "again.zip");  // known by what it shows
+  fs::copy(archive, folder / "again.zip");  // recognized by its images
   EXPECT_EQ(run(folder / "again.zip", "map", {"--resume"}), whole);
   const Ran info = run_cairn({"info", archive}, in), json = run_cairn({"info", archive, "--json"}, in);
   EXPECT_NE(info.out.find("layout          TUM RGB-D folder, packed as .zip\n"), std::string::npos) << info.out;
