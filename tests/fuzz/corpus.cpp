@@ -279,7 +279,7 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
   write_grids(place(folder, "vdb", "map"), tree, info, &distances);
 }
 
-/// A node with a property of each kind, a frame, a seek table and the end.
+/// Writes a node with a property of each kind, a frame, a seek table and the end.
 void write_oni(const fs::path& folder) {
   const auto number = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };
   const auto text = [&](const std::string& t) { return number(static_cast<std::uint32_t>(t.size() + 1)) + t + '\0'; };
@@ -343,7 +343,7 @@ void write_videos(const fs::path& folder) {
           video.str());
 }
 #endif
-/// A header of ScanNet, and a frame of 16x16 raw pixels.
+/// Writes a ScanNet header and a frame of 16x16 raw pixels.
 void write_sens(const fs::path& folder) {
   const auto number = [](auto value) { return std::string(reinterpret_cast<const char*>(&value), sizeof value); };
   std::string pose, intrinsic;

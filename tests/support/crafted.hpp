@@ -58,12 +58,12 @@ inline std::string jpeg_of_scans(std::uint16_t width, std::uint16_t height, int 
   const auto marker = [&](int kind, const std::string& data) {
     return std::string{'\xff', static_cast<char>(kind)} + two(static_cast<int>(data.size()) + 2) + data;
   };
-  std::string table(17, '\0');  // Huffman: one code of one bit, for zero
+  std::string table(17, '\0');  // Huffman table: a single code of one bit, for zero
   table[1] = 1;
   std::string bytes = "\xff\xd8" + marker(0xdb, std::string(1, '\0') + std::string(64, '\1')) +
                       marker(0xc2, std::string("\x08", 1) + two(height) + two(width) + std::string("\1\1\x11\0", 4));
   bytes += marker(0xc4, std::string(1, '\0') + table.substr(1) + '\0');
-  bytes += marker(0xc4, std::string(1, '\x10') + table.substr(1) + '\xe0');  // AC: the end of a band of 2^14 blocks
+  bytes += marker(0xc4, std::string(1, '\x10') + table.substr(1) + '\xe0');  // AC: end of a band of 2^14 blocks
   for (int i = 0; i < scans; ++i) {
     const bool first = i == 0;
     bytes += marker(0xda, std::string("\1\1\0", 3) + (first ? std::string("\0\0\0", 3) : std::string("\1\x3f\0", 3)));

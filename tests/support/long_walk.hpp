@@ -45,7 +45,7 @@ class LongWalk {
     bool is_false = false;
   };
   std::vector<Eigen::Isometry3d> truth;
-  std::vector<Loop> loops;  // by their second node
+  std::vector<Loop> loops;  // sorted by their second node
 
   /// Adds a node after the last node of `graph`, at the pose given by its step.
   void add_node(PoseGraph& graph) const {

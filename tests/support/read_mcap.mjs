@@ -16,7 +16,7 @@ const records = {};
 for (let record; (record = stream.nextRecord()); ) records[record.type] = (records[record.type] ?? 0) + 1;
 if (!stream.done()) throw new Error('the file goes on behind its end, or has none');
 
-// By its index.
+// By index.
 const file = await open(name);
 const readable = {
   size: async () => BigInt((await file.stat()).size),

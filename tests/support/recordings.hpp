@@ -37,7 +37,7 @@ inline void write_small_recording(const std::filesystem::path& folder, const Sma
         {.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .colour = std::move(images.colour)},
         camera));
   }
-  if (!r.colour) {  // a folder of depth images alone
+  if (!r.colour) {  // depth images only
     for (const char* name : {"rgb", "rgb.txt", "depth.txt", "camera.yaml"}) std::filesystem::remove_all(folder / name);
     write_text(
         folder / "intrinsics.json",

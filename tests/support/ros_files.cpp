@@ -67,7 +67,7 @@ std::string connection(std::uint32_t number, const Recorded& m) {
       bag_fields({{"topic", m.topic}, {"type", m.type}, {"md5sum", "*"}, {"message_definition", "# none"}}));
 }
 
-/// Times of the first and the last message of the chunk that begins with message i.
+/// Times of the first and the last message of the chunk starting with message i.
 std::pair<std::int64_t, std::int64_t> times_of(const Messages& messages, std::size_t i, const Packed& packed) {
   if (!packed.times) return {0, 0};
   std::pair<std::int64_t, std::int64_t> times{messages[i].time, messages[i].time};

@@ -68,21 +68,21 @@ struct Transform {
 /// Message of a recording; files store messages in the given order.
 struct Recorded {
   std::string topic, type;  // type as in ROS 1
-  std::int64_t time = 0;    // ns, of arrival
+  std::int64_t time = 0;    // ns, arrival time
   std::string bytes;
 };
 using Messages = std::vector<Recorded>;
 
 struct Packed {
-  std::string compression;    // of a .bag: bz2, lz4; of an .mcap: lz4, zstd; of a .db3: zstd; empty: none
-  bool indexed = true;        // .bag and .mcap: finished; .db3: by an index of its times
-  bool times = true;          // of chunks; else zero, which is not known
-  bool summary = true;        // .mcap: with its channels and chunks; else the footer names none
+  std::string compression;    // .bag: bz2, lz4; .mcap: lz4, zstd; .db3: zstd; empty: none
+  bool indexed = true;        // .bag and .mcap: finished; .db3: with an index by time
+  bool times = true;          // chunk times; if false, zero for unknown
+  bool summary = true;        // .mcap: with channels and chunks in the summary; if false, the footer has no summary
   std::size_t per_chunk = 5;  // messages; 0: outside of chunks
   int page_size = 4096;       // bytes, of a .db3
 };
 [[nodiscard]] std::string bag(const Messages& messages, const Packed& packed = {});
-/// `encoding`: ros1 or cdr.
+/// Serializes an MCAP file. `encoding`: ros1 or cdr.
 [[nodiscard]] std::string mcap(const Messages& messages, const std::string& encoding, const Packed& packed = {});
 void write_db3(const std::filesystem::path& file, const Messages& messages, const Packed& packed = {});
 

@@ -24,7 +24,7 @@ struct Filtered {
 [[nodiscard]] std::vector<Eigen::Vector3f> normals(const std::vector<float>& depth, const Camera& camera);
 
 struct Voxel {
-  float distance = 0, weight = 0;  // truncations
+  float distance = 0, weight = 0;  // distance in truncations
   Eigen::Vector3f colour = Eigen::Vector3f::Zero();
   float colour_weight = 0;
 };
@@ -55,12 +55,12 @@ void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::
 struct Photometric {
   double seen = 0, rmse = 0, share = 0;
 };
-/// Residuals of live brightness against a keyframe's, weighted by a t-distribution of scale `sigma`.
+/// Residuals of live brightness against a keyframe, weighted by a t-distribution of scale `sigma`.
 [[nodiscard]] Photometric photometric(const std::vector<double>& live, const std::vector<float>& live_depth,
                                       const std::vector<double>& key, const std::vector<float>& key_depth,
                                       const Camera& camera, const Eigen::Isometry3d& key_from_live, double sigma);
 
-/// Unpacks a point image's second word; the inverse of pack_normal in shaders/types.h.
+/// Decodes the second word of a point image; the inverse of pack_normal in shaders/types.h.
 [[nodiscard]] Eigen::Vector3f unpack_normal(std::uint32_t code);
 
 }  // namespace cairn::twin

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Writes containers and videos by FFmpeg's muxers and encoders.
+// Writes containers and videos with FFmpeg's muxers and encoders.
 #pragma once
 #include <cstdint>
 #include <filesystem>
@@ -14,7 +14,7 @@ namespace cairn {
 struct MatroskaFile {
   enum class Codec { mjpeg, raw, mpeg4, samples };
   struct Track {
-    std::map<std::string, std::string> tags;  // `title` is its name
+    std::map<std::string, std::string> tags;  // `title` is the track's name
     Codec codec = Codec::raw;
     std::string fourcc;         // of Codec::raw: b16g, BGRA, NV12
     int width = 0, height = 0;  // pixels; 0 only for samples
