@@ -33,7 +33,8 @@ constexpr std::size_t kMostText = 1 << 16;  // bytes of a small text file
 constexpr const char* kJson = "width, height, fx, fy, cx, cy and depth_scale (units per metre)";
 constexpr const char* kText = "a 3x3 or 4x4 matrix, `fx fy cx cy`, or lines such as `fx: 525`";
 
-/// Files of phone apps. Other programs use these names for other content, so they count only with a camera in them.
+/// Files of phone apps. Other programs use the same names for other content, so only files with a camera in them are
+/// used.
 constexpr std::array kPerhaps{"metadata.json", "info.json"};
 constexpr const char* kFrameJson = "frame_";  // frame_00000.json of 3D Scanner App
 

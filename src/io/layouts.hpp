@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-/// TUM RGB-D; without `camera_file` as in Bonn's and ETH3D's folders, with calibration.txt or no camera file.
+/// TUM RGB-D with camera.yaml; Bonn's folders have no camera file, ETH3D's have calibration.txt.
 enum class TumKind { cairn, bonn, eth3d };
 [[nodiscard]] std::unique_ptr<LayoutWriter> write_tum(const std::filesystem::path& folder, const Rig& rig,
                                                       TumKind kind);

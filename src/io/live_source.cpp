@@ -73,7 +73,7 @@ void LiveSource::play(const std::stop_token& stop) {
   const auto due = [&](double timestamp) {
     return first->second + std::chrono::duration_cast<Clock::duration>(Seconds(timestamp - first->first));
   };
-  // Late enough that the next frame is due as well.
+  // So late that the next frame is due as well.
   const auto is_late = [&](double timestamp, Clock::time_point at) {
     return first && at - due(timestamp) > Seconds(timestamp - before);
   };

@@ -65,8 +65,8 @@ struct Cameras {
   Rig rig;
 };
 
-/// Returns the cameras of the project's first recording with the project's camera. A recording among `names` is
-/// preferred, because other recordings may be unavailable now.
+/// Returns the project's cameras: from a recording among `names` with the project's camera, because the project's first
+/// recording may be unavailable now, else from the first recording of the project, or of `names` for a new project.
 Cameras cameras_of(const PartsPlan& plan, const std::vector<std::string>& names) {
   const auto has = [&](const std::string& name) {
     return std::ranges::any_of(plan.recordings,

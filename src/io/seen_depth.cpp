@@ -109,7 +109,7 @@ struct Unit {
 constexpr Unit kMetres{1, "metres"}, kMillimetres{1000, "millimetres"}, kTum{5000, "units of 1/5000 m"},
     kTenth{10000, "units of 0.1 mm"};
 
-/// Estimates the unit with an indoor depth camera's range at the median.
+/// Estimates the unit, so that the median is within the indoor range of a depth camera.
 Unit guess_unit(const Sample& seen) {
   constexpr double kNearest = 0.15, kFarthest = 6.5;    // meters, of a median
   constexpr double kRoom = 4000, kMostInRoom = 10'000;  // millimeters: median, and a high value rare for depth cameras
