@@ -190,8 +190,7 @@ void add_truth(const fs::path& folder, Recording& recording) {
     for_each_line(file, [&](int, const std::vector<std::string>& words) {
       for (const auto& word : words) numbers.push_back(number_in(word).value_or(NAN));
     });
-    const auto pose =
-        numbers.size() == 16 ? pose_of_rows(numbers) : std::nullopt;  // ScanNet writes -inf for missing poses
+    const auto pose = numbers.size() == 16 ? pose_of_rows(numbers) : std::nullopt;  // ScanNet: -inf if missing
     if (pose) recording.truth.push_back({entry.timestamp, *pose});
   }
 }

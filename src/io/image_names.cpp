@@ -21,8 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-constexpr std::array kColour{".png"sv, ".jpg"sv,  ".jpeg"sv, ".webp"sv,
-                             ".bmp"sv, ".tiff"sv, ".tif"sv};  // best quality first
+constexpr std::array kColour{".png"sv, ".jpg"sv, ".jpeg"sv, ".webp"sv, ".bmp"sv, ".tiff"sv, ".tif"sv};  // best first
 constexpr std::array kNotRead{".heic"sv, ".heif"sv, ".avif"sv, ".jxl"sv, ".jp2"sv, ".gif"sv, ".ppm"sv, ".pgm"sv,
                               ".pnm"sv,  ".tga"sv,  ".hdr"sv,  ".pfm"sv, ".raw"sv, ".bin"sv, ".dng"sv, ".npz"sv,
                               ".mat"sv,  ".mp4"sv,  ".mov"sv,  ".avi"sv, ".mkv"sv, ".dat"sv};

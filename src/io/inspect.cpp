@@ -16,8 +16,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kEvery =
-    37;  // stride of depth pixels used for the statistics; shares no factor with common widths
+constexpr std::size_t kEvery = 37;  // stride of sampled depth pixels; shares no factor with common widths
 constexpr double kNearest = 0.05, kFarthest = 100;  // meters, plausible median of a depth camera
 constexpr double kLongest = 0.1;                    // seconds between a depth image and its color image
 constexpr double kFewMeasured = 0.2;                // share of pixels

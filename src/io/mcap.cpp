@@ -227,8 +227,7 @@ class McapFile final : public ChunkedRecording {
 
   void open_chunk(std::uint64_t size) {
     const std::uint64_t begin = in_.at();
-    std::array<std::uint8_t, 32>
-        front{};  // first and last time, uncompressed size, CRC, length of the compression name
+    std::array<std::uint8_t, 32> front{};  // first and last time, unpacked size, CRC, length of the compression name
     std::string kind;
     std::uint64_t records = 0;
     bool whole = in_.read(front.data(), front.size());

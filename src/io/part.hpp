@@ -13,8 +13,7 @@
 namespace cairn {
 
 inline constexpr const char* kPartFile = "part.json";
-inline constexpr const char* kPartCamera =
-    "camera.yaml";  // the project's camera, next to kPartFile if the recording has another camera
+inline constexpr const char* kPartCamera = "camera.yaml";  // the project's, if the recording's differs
 inline constexpr std::string_view kPartKind = "cairn part";
 inline constexpr int kPlanFormat = 1;  // version of a project's files
 

@@ -24,8 +24,7 @@ constexpr double kMicroseconds = 1e-6;  // seconds per unit of the numbers in fr
 constexpr double kFrameRate = 4;        // Hz, for keyframes without times as names
 constexpr const char* kExpected = "Polycam's camera with fx, fy, cx, cy, width, height and t_00 to t_23";
 
-constexpr double kMostConfidence =
-    108;  // levels are 0, 54 and 255; scaling maps the middle level to ARKit's, 128 of 255
+constexpr double kMostConfidence = 108;  // of levels 0, 54 and 255; maps the middle level to ARKit's, 128 of 255
 
 struct Folders {
   fs::path cameras, color, depth;

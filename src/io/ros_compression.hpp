@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Chunk compression of ROS recordings. The only file with calls of bzip2, LZ4 and Zstandard.
+// Chunk compression of ROS recordings. All calls of bzip2, LZ4 and Zstandard are in ros_compression.cpp.
 #pragma once
 #include <cstdint>
 #include <optional>

@@ -21,8 +21,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kSamples = 9;  // depth images sampled for size, unit and blocks
 constexpr int kEvery = 7;            // minimum pixel stride
 constexpr int kPixels = 50'000;      // approximate maximum of pixels per image
-constexpr double kCentral =
-    0.2;  // share of the size; maximum distance of a principal point from the middle of its own image
+constexpr double kCentral = 0.2;     // share of the size; offset of a principal point from the middle of its image
 
 std::uint16_t swapped(std::uint16_t value) { return static_cast<std::uint16_t>(value << 8 | value >> 8); }
 

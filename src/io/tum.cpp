@@ -157,8 +157,7 @@ std::optional<Recording> read_tum(const fs::path& folder) {
              static_cast<std::ptrdiff_t>(colour.size()) - paired)});
   for (std::size_t i = 0; i < depth.size(); ++i) {
     Recording::Entry entry{.timestamp = depth[i].timestamp, .depth = depth[i].image, .colour = {}, .acceleration = {}};
-    std::error_code
-        ignored;  // a name invalid for the file system has no confidence file; the depth image reports the error
+    std::error_code ignored;  // for names invalid in the file system; the depth image reports the error
     if (const auto confidence = folder / "confidence" / depth[i].image.filename(); fs::exists(confidence, ignored))
       entry.confidence = confidence;
     if (match[i] >= 0) {

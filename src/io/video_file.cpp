@@ -142,8 +142,8 @@ VideoDecoder::VideoDecoder(const VideoFile& file, int track) : tick_(av_q2d(file
   context_->max_pixels = is_told ? std::int64_t{parameters->width + kBlock} * (parameters->height + kBlock)
                                  : std::int64_t{kMostSide} * kMostSide;
   context_->thread_type = FF_THREAD_SLICE;  // frame threads would delay images
-  if (codec->id == AV_CODEC_ID_MJPEG)
-    context_->err_recognition = AV_EF_EXPLODE;  // if not set, the rest of a damaged image is gray
+  // By default, the rest of a damaged JPEG is decoded as gray.
+  if (codec->id == AV_CODEC_ID_MJPEG) context_->err_recognition = AV_EF_EXPLODE;
   if (error >= 0) error = ffmpeg().avcodec_open2(context_.get(), codec, nullptr);
   if (error < 0)
     throw std::runtime_error("its " + std::string(codec->name) + " cannot be decoded (" + ffmpeg_error(error) + ")");

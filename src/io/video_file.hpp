@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Video containers (Matroska, MP4) and decoding of their tracks. The only file with calls of FFmpeg's decoders.
+// Video containers (Matroska, MP4) and decoding of their tracks. All calls of FFmpeg's decoders are in video_file.cpp.
 #pragma once
 #include <cstdint>
 #include <filesystem>

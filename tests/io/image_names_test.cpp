@@ -25,8 +25,7 @@ TEST(NaturalOrder, IsThatOfPeople) {
   std::sort(names.begin(), names.end(), natural_less);
   EXPECT_EQ(names,
             (std::vector<std::string>{"Z1", "a", "a 2", "a01", "a1", "a1b", "a9", "a10", "b1", "img2_20", "img12_3"}));
-  EXPECT_TRUE(
-      natural_less("99999999999999999999999", "100000000000000000000000"));  // more digits than any integer type
+  EXPECT_TRUE(natural_less("99999999999999999999999", "100000000000000000000000"));  // exceeds integer types
   for (const char* name : {"", "1", "01", "a1"}) EXPECT_FALSE(natural_less(name, name));
 }
 

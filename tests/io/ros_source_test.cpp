@@ -27,8 +27,7 @@ constexpr std::int64_t kBegin = 1'700'000'000'000'000'000, kStep = 33'333'333, k
 constexpr std::int64_t kLate = 20'000'000;  // ns, message latency
 const Camera kDepthCamera{64, 48, 52.5, 52.25, 31.5, 23.75, {}};
 const Camera kColourCamera{96, 80, 90.5, 90.25, 47.5, 40.25, {0.1, -0.05, 0.001, 0.002, 0.01}};
-const Eigen::Vector3d kRate(0.1, -0.2, 0.3),
-    kUp(0, -9.81, 0);  // rad/s in the inertial sensor frame; m/s^2 in the depth camera frame
+const Eigen::Vector3d kRate(0.1, -0.2, 0.3), kUp(0, -9.81, 0);  // IMU frame; depth camera frame
 
 /// depth_from_colour: the color camera is 2.5 cm to the right of the depth camera and slightly rotated.
 Eigen::Isometry3d depth_from_colour() {

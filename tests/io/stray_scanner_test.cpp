@@ -16,8 +16,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kVideoError =
-    6;  // mean error out of 255 of a video with chroma at half the resolution, for the room scene
+constexpr double kVideoError = 6;  // out of 255, mean error of a video with half chroma resolution, room scene
 
 const Camera kColour{320, 240, 260, 262, 158, 121, {}};
 
