@@ -54,7 +54,7 @@ void turn_truth(Trajectory& truth) {
 /// Drops listed pairs without a depth file: a shortened copy of a data set may keep the full list.
 void take_pairs(const fs::path& list, std::vector<Stamped>& depth, std::vector<Stamped>& color) {
   std::vector<Stamped> kept_depth, kept_color;
-  std::error_code ignored;  // name not valid for any file
+  std::error_code ignored;  // for names invalid in the file system
   for (std::size_t i = 0; i < depth.size(); ++i)
     if (fs::exists(depth[i].image, ignored)) {
       kept_depth.push_back(std::move(depth[i]));
