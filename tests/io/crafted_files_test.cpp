@@ -34,8 +34,9 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kLongest = 10;  // seconds
-constexpr double kFewMb = 40;    // of memory, above an idle process
+constexpr double kLongest = 10;     // seconds
+constexpr double kFewMb = 40;       // of memory, above an idle process
+constexpr int kYamlLevels = 60000;  // in 120 KB, within the limit of a YAML file
 
 std::span<const std::uint8_t> span_of(const std::string& bytes) {
   return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
@@ -77,10 +78,10 @@ TEST(CraftedFiles, JsonNestedDeeplyIsRefusedByEachReader) {
   const auto gltf = file("mesh.gltf", R"({"asset":{"version":"2.0"},"extras":)" + deep + "}");
   expect_refused([&] { (void)read_mesh_parts(gltf); }, kJson);
   expect_refused([&] { (void)served_file(gltf); }, "is damaged, or no glTF");
-  const auto yaml = file("camera.yaml", "width: " + deep);
+  const auto yaml = file("camera.yaml", "width: " + nested(kYamlLevels));
   expect_refused([&] { (void)read_intrinsics(yaml); }, "camera.yaml:1: ");
   std::string dashes;
-  for (int i = 0; i < kDeep; ++i) dashes += "- ";
+  for (int i = 0; i < kYamlLevels; ++i) dashes += "- ";
   const auto sequences = file("sequences.yaml", dashes);
   expect_refused([&] { (void)read_intrinsics(sequences); }, "sequences.yaml:1: ");
 }
@@ -128,7 +129,6 @@ TEST(CraftedFiles, TextThatGrowsOnceParsedIsRefused) {
   file("metadata.yaml", "a: " + list.substr(0, 1 << 20) + "]");
   expect_refused([&] { (void)open_rosbag2_folder(folder.path()); }, "has 1024 KiB, allowed are 128 KiB at most");
   const auto json = file("transforms.json", "{\"frames\": " + list + "}");
-  expect_refused([&] { (void)open_source(folder.path().string()); }, "allowed are 128 KiB at most");
   fs::remove(folder / "metadata.yaml");
   fs::remove(folder / "camera.yaml");
   expect_refused([&] { (void)open_source(folder.path().string()); }, "transforms.json: has more than 1000000 values");
