@@ -4,22 +4,18 @@
 
 #include <fmt/format.h>
 
+#include "base/json_scan.hpp"
+
 namespace cairn {
 
 void check_json_depth(std::string_view text) {
   int depth = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
+  for_each_outside_strings(text, [&](std::size_t i) {
     const char c = text[i];
-    if (c == '"') {  // skips to the end of the string
-      while (++i < text.size() && text[i] != '"')
-        if (text[i] == '\\') ++i;
-    } else if (c == '[' || c == '{') {
-      if (++depth > kDeepestJson)
-        throw TooDeepJson(fmt::format("its JSON is nested deeper than {} levels at byte {}", kDeepestJson, i));
-    } else if (c == ']' || c == '}') {
-      --depth;
-    }
-  }
+    if ((c == '[' || c == '{') && ++depth > kDeepestJson)
+      throw TooDeepJson(fmt::format("its JSON is nested deeper than {} levels at byte {}", kDeepestJson, i));
+    if (c == ']' || c == '}') --depth;
+  });
 }
 
 }  // namespace cairn

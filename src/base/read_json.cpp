@@ -6,6 +6,8 @@
 
 #include <stdexcept>
 
+#include "base/json_scan.hpp"
+
 namespace cairn {
 namespace {
 
@@ -32,15 +34,11 @@ class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
 
 void check_json_values(std::string_view text, std::size_t most) {
   std::size_t values = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
+  for_each_outside_strings(text, [&](std::size_t i) {
     const char c = text[i];
-    if (c == '"') {  // skips to the end of the string
-      while (++i < text.size() && text[i] != '"')
-        if (text[i] == '\\') ++i;
-    } else if ((c == '[' || c == '{' || c == ',') && ++values > most) {
+    if ((c == '[' || c == '{' || c == ',') && ++values > most)
       throw std::runtime_error(fmt::format("has more than {} values", most));
-    }
-  }
+  });
 }
 
 Json parsed_json(std::string_view text) {
