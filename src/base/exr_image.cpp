@@ -30,12 +30,21 @@ constexpr std::uint64_t kRoom = 1 << 16;     // bytes allowed for any file
 constexpr std::uint64_t kChannel = 18;       // minimum bytes of a channel in the header
 constexpr const char* kRemedy = "save one channel of 32-bit floats, scan lines packed with ZIP";
 
+/// Type of a header attribute, with the bytes that OpenEXR reads for its value (0: as many as the header says).
+struct AttributeType {
+  std::string_view name;
+  std::size_t bytes;
+};
+
 /// Types of header attributes with memory bounded by their size in the file.
-constexpr std::array<std::string_view, 26> kTypes{
-    "box2i",       "box2f",  "chlist",   "chromaticities", "compression", "double", "envmap", "float",
-    "floatvector", "int",    "keycode",  "lineOrder",      "m33d",        "m33f",   "m44d",   "m44f",
-    "rational",    "string", "tiledesc", "timecode",       "v2d",         "v2f",    "v2i",    "v3d",
-    "v3f",         "v3i"};
+constexpr std::array<AttributeType, 26> kTypes{
+    {{"box2i", 16},      {"box2f", 16}, {"chlist", 0},   {"chromaticities", 32},
+     {"compression", 1}, {"double", 8}, {"envmap", 1},   {"float", 4},
+     {"floatvector", 0}, {"int", 4},    {"keycode", 28}, {"lineOrder", 1},
+     {"m33d", 72},       {"m33f", 36},  {"m44d", 128},   {"m44f", 64},
+     {"rational", 8},    {"string", 0}, {"tiledesc", 9}, {"timecode", 8},
+     {"v2d", 16},        {"v2f", 8},    {"v2i", 8},      {"v3d", 24},
+     {"v3f", 12},        {"v3i", 12}}};
 
 std::runtime_error damaged() { return std::runtime_error("is no EXR file that can be read: damaged or cut off"); }
 
@@ -62,6 +71,28 @@ struct Windows {
   cv::Rect data, shown_in;
 };
 
+/// Bytes of a channel list with its end: per channel a name, its null byte and 16 bytes.
+std::size_t size_of_channel_list(std::string_view value) {
+  constexpr std::size_t kChannelValues = 16;
+  std::size_t at = 0;
+  while (at < value.size() && value[at] != '\0') {
+    const std::size_t end = value.find('\0', at);
+    if (end == value.npos) throw damaged();
+    at = end + 1 + kChannelValues;
+  }
+  return at + 1;
+}
+
+/// Checks a value's size. OpenEXR reads most values without their size: with a wrong size it takes other bytes for the
+/// next attribute than `check_header`.
+void check_size(const AttributeType& type, std::string_view value) {
+  const std::size_t size = type.name == "chlist"        ? size_of_channel_list(value)
+                           : type.name == "floatvector" ? value.size() / sizeof(float) * sizeof(float)
+                           : type.bytes == 0            ? value.size()
+                                                        : type.bytes;
+  if (size != value.size()) throw damaged();
+}
+
 /// Checks the header's attributes (name, type, size, value) before OpenEXR allocates memory for them.
 Windows check_header(std::string_view all, std::uint32_t most_pixels) {
   if (all.size() < kFront) throw damaged();
@@ -83,9 +114,11 @@ Windows check_header(std::string_view all, std::uint32_t most_pixels) {
   std::uint64_t channels = 0;
   for (auto name = text(); !name.empty(); name = text()) {
     const std::string_view type = text(), value = take(value_of<std::uint32_t>(take(4)));
-    if (std::find(kTypes.begin(), kTypes.end(), type) == kTypes.end())
+    const auto* known = std::find_if(kTypes.begin(), kTypes.end(), [&](const auto& t) { return t.name == type; });
+    if (known == kTypes.end())
       throw std::runtime_error(
           fmt::format("is an EXR file with an attribute of type '{}', which is not read; {}", shown(type), kRemedy));
+    check_size(*known, value);
     if (type == "box2i" && name == "dataWindow")
       data = rect_of(value_of<std::array<std::int32_t, 4>>(value), most_pixels);
     if (type == "box2i" && name == "displayWindow")

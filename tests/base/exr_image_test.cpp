@@ -72,6 +72,22 @@ TEST(ExrImage, RefusesSizesBeforeItGetsMemoryForThem) {
   EXPECT_NE(error_of([&] { (void)decode(long_attribute); }).find("cut off"), std::string::npos);
 }
 
+// OpenEXR reads four bytes of an `int`, whatever its size, and takes the rest for the next attribute, of any size.
+TEST(ExrImage, RefusesAnAttributeLongerThanItsType) {
+  using namespace std::string_literals;
+  std::string bytes = exr({{"R", ramp()}});
+  const std::string inner = "b\0other\0\4\0\0\0abcd"s;
+  const std::string outer = "a\0int\0"s + static_cast<char>(4 + inner.size()) + "\0\0\0abcd"s + inner;
+  std::size_t table = 8;  // of the one chunk's offset, directly before the chunk
+  std::uint64_t chunk = 0;
+  do std::memcpy(&chunk, &bytes.at(++table), sizeof chunk);
+  while (chunk != table + sizeof chunk);
+  chunk += outer.size();
+  std::memcpy(&bytes[table], &chunk, sizeof chunk);
+  bytes.insert(8, outer);
+  EXPECT_NE(error_of([&] { (void)decode(bytes); }).find("damaged"), std::string::npos);
+}
+
 TEST(ExrImage, OfDamagedBytesIsReadOrRefused) {
   const std::string honest = exr({{"R", ramp()}});
   for (std::size_t size = 0; size < honest.size(); ++size)
