@@ -2,8 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Reconstructs a mesh and a trajectory from a recording.
 // Usage: 01_reconstruct_a_folder [RECORDING [OUT]]; without RECORDING a synthetic room.
-#include <cairn/mapper.hpp>
-#include <cairn/source.hpp>
+#include <cairn/io/source.hpp>
+#include <cairn/mapping/mapper.hpp>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -19,9 +19,9 @@ int main(int argc, char** argv) try {
     const cairn::FrameReport report = mapper.add(*frame);
     if (report.state != cairn::FrameState::fused) std::printf("frame %d: %s\n", report.index, report.reason.c_str());
   }
-  mapper.settle();  // apply all loop closures
+  mapper.finish();  // apply all loop closures
   cairn::write_trajectory(out / "trajectory.txt", mapper.trajectory());
-  const cairn::Exported mesh = mapper.map().export_mesh(out / "mesh.glb");
+  const cairn::ExportReport mesh = mapper.map().export_mesh(out / "mesh.glb");
   std::printf("%zu poses, %zu triangles in %s\n", mapper.trajectory().size(), mesh.triangles, out.c_str());
 } catch (const std::exception& error) {
   std::fprintf(stderr, "%s\n", error.what());

@@ -3,9 +3,9 @@
 // Maps a live stream: always takes the newest frame, so a slow computer drops frames. Reports changes of the surface,
 // as a viewer needs them. Usage: 05_follow_a_live_map [SOURCE]: openni: for a sensor, or a recording, played in real
 // time
-#include <cairn/live_source.hpp>
-#include <cairn/live_surface.hpp>
-#include <cairn/mapper.hpp>
+#include <cairn/io/live_source.hpp>
+#include <cairn/mapping/live_surface.hpp>
+#include <cairn/mapping/mapper.hpp>
 #include <cstdio>
 #include <exception>
 #include <memory>
@@ -19,11 +19,11 @@ int main(int argc, char** argv) try {
   std::size_t parts = 0, triangles = 0;
   while (const auto frame = source.next()) {
     const cairn::FrameReport report = mapper.add(*frame);
-    for (const cairn::SurfacePart& part : surface.changes(200).parts) {
+    for (const cairn::SurfaceBlock& part : surface.changes(200).parts) {
       ++parts;  // a viewer replaces its mesh of part.submap and part.cell
       triangles += part.mesh.triangles.size();
     }
-    std::printf("frame %d %s: %zu parts so far, %zu triangles, %d frames left out\n", report.index,
+    std::printf("frame %d %s: %zu parts so far, %zu triangles, %d frames dropped\n", report.index,
                 report.state == cairn::FrameState::fused ? "fused" : report.reason.c_str(), parts, triangles,
                 source.dropped());
   }

@@ -4,8 +4,8 @@
 
 Settings, each as pip install --config-settings NAME=VALUE:
     build-dir   a build folder, possibly existing [build/wheel-VERSION of Python]
-    cmake       an argument for CMake, as -DCAIRN_VIEWER=OFF
-    jobs        compilers at once [all cores]
+    cmake       an argument for CMake, such as -DCAIRN_VIEWER=OFF
+    jobs        number of compilers at once [all cores]
 """
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _built(settings: Settings) -> Path:
     _run("cmake", "--build", build, "--parallel", str(jobs), "--target", "cairn_python", "cairn_program")
     module = f"_cairn{sysconfig.get_config_var('EXT_SUFFIX')}"
     if not (build / "python" / "cairn" / module).exists():
-        raise SystemExit(f"{build}: was made for another Python, or without one: remove it, or name another build-dir")
+        raise SystemExit(f"{build}: was built for another Python, or without Python: remove it, or choose another build-dir")
     return build
 
 

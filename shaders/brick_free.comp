@@ -17,7 +17,7 @@ layout(binding = 5, scalar) writeonly buffer FreeBricks { ivec3 free_bricks[]; }
 layout(binding = 6, scalar) writeonly buffer PartBricks { ivec3 part_bricks[]; };
 
 const float kNearest = 0.02;  // meters; nearer space is tested per voxel
-const uint kMostTiles = 64u;  // bricks that cover more tiles are tested per voxel, too
+const uint kMaxTiles = 64u;  // bricks that cover more tiles are tested per voxel, too
 
 void main() {
   Pinhole camera = local(push.camera);
@@ -35,30 +35,30 @@ void main() {
 
   // Bounds of the voxel centers.
   float voxel = volume.voxel_size, margin = volume.truncation;
-  vec3 centre = transform(camera_from_submap, (vec3(brick * 8) + 3.5) * voxel);
+  vec3 center = transform(camera_from_submap, (vec3(brick * 8) + 3.5) * voxel);
   vec3 extent = 3.5 * voxel * (abs(camera_from_submap.x) + abs(camera_from_submap.y) + abs(camera_from_submap.z));
-  float far = centre.z + extent.z, near = max(centre.z - extent.z, kNearest);
+  float far = center.z + extent.z, near = max(center.z - extent.z, kNearest);
   uint at = table_index(volume, brick), entry = page_table[at];
   bool is_fused = entry != 0u && entry != kOnHost && far >= push.min_depth;
   bool is_known = is_fused || (marks[at >> 5] & (1u << (at & 31u))) != 0u;
-  TileRange tiles = tiles_of_box(camera, centre.xy - extent.xy, centre.xy + extent.xy, near, max(far, near));
+  TileRange tiles = tiles_of_box(camera, center.xy - extent.xy, center.xy + extent.xy, near, max(far, near));
   bool may_be_free = !is_known && tiles.is_in_view && far > 0.0;
 
   uvec2 across = tiles.last - tiles.first + 1u;
   uint columns = tiles_along(push.camera.width), tile = tiles.first.y * columns + tiles.first.x, x = 0u;
   uint count = across.x * across.y;
-  bool is_wide = count > kMostTiles;
-  float most = is_wide ? 1e9 : 0.0, least = is_wide ? 0.0 : 1e9;
+  bool is_wide = count > kMaxTiles;
+  float max_depth = is_wide ? 1e9 : 0.0, min_depth = is_wide ? 0.0 : 1e9;
   for (uint n = may_be_free && !is_wide ? count : 0u; n > 0u; --n) {
-    most = max(most, farthest[tile]);
-    least = min(least, nearest[tile]);
+    max_depth = max(max_depth, farthest[tile]);
+    min_depth = min(min_depth, nearest[tile]);
     bool turn = ++x == across.x;
     tile += turn ? columns + 1u - across.x : 1u;
     if (turn) x = 0u;
-    if (most > near + margin && least <= far + margin) n = 1u;  // partly free
+    if (max_depth > near + margin && min_depth <= far + margin) n = 1u;  // partly free
   }
-  if (!may_be_free || most <= near + margin) return;
-  if (least > far + margin && near > kNearest && tiles.is_whole) {
+  if (!may_be_free || max_depth <= near + margin) return;
+  if (min_depth > far + margin && near > kNearest && tiles.is_fully_in_view) {
     uint place = atomicAdd(counts.free, 1u);
     if (place < free_bricks.length()) free_bricks[place] = brick;  // else found by a later pass
     return;
@@ -66,5 +66,5 @@ void main() {
   uint place = atomicAdd(counts.free_in_part, 1u);
   if (place >= part_bricks.length()) return;
   part_bricks[place] = brick;
-  if (place % kPartsAGroup == 0u) atomicAdd(counts.looked_at.x, 1u);
+  if (place % kPartsAGroup == 0u) atomicAdd(counts.carved.x, 1u);
 }

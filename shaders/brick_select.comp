@@ -17,17 +17,17 @@ void main() {
   if (slot >= push.slots || counts.waiting != 0u) return;
   SlotState state = slots[slot];
   if (state.used == 0u) return;
-  vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
+  vec3 center = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
   // Half extent of the rotated brick along the camera axes, up to the outermost voxel centers.
   float half_brick = 0.4375 * push.brick_size;
   vec3 extent = half_brick * (abs(inverse_rotate(push.submap_from_camera, vec3(1, 0, 0))) +
                               abs(inverse_rotate(push.submap_from_camera, vec3(0, 1, 0))) +
                               abs(inverse_rotate(push.submap_from_camera, vec3(0, 0, 1))));
-  centre -= (inverse_rotate(push.submap_from_camera, vec3(1.0)) * (0.0625 * push.brick_size));
-  float near = max(centre.z - extent.z, 0.5 * push.min_depth), far = centre.z + extent.z;
+  center -= (inverse_rotate(push.submap_from_camera, vec3(1.0)) * (0.0625 * push.brick_size));
+  float near = max(center.z - extent.z, 0.5 * push.min_depth), far = center.z + extent.z;
   if (far < push.min_depth) return;
 
-  TileRange tiles = tiles_of_box(push.camera, centre.xy - extent.xy, centre.xy + extent.xy, near, far);
+  TileRange tiles = tiles_of_box(push.camera, center.xy - extent.xy, center.xy + extent.xy, near, far);
   if (!tiles.is_in_view) return;
   uvec2 first = tiles.first, last = tiles.last;
   uint columns = tiles_along(push.camera.width);
@@ -47,6 +47,6 @@ void main() {
   uint place = atomicAdd(counts.selected, 1u);
   if (place >= push.capacity) return;
   selected[place] = Selected(slot, seen);
-  if (place < kMostGroups) atomicAdd(counts.fused.x, 1u);
-  if (place != 0u && place % kMostGroups == 0u) atomicAdd(counts.fused.y, 1u);
+  if (place < kMaxGroups) atomicAdd(counts.fused.x, 1u);
+  if (place != 0u && place % kMaxGroups == 0u) atomicAdd(counts.fused.y, 1u);
 }

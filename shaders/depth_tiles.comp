@@ -18,13 +18,13 @@ void main() {
   if (i >= columns * rows) return;
   int x0 = int((i % columns) * kTile), last = int(push.width) - 1;
   uint y0 = (i / columns) * kTile;
-  float most = 0.0, least = 1e9;
+  float max_depth = 0.0, min_depth = 1e9;
   for (uint y = y0; y < min(y0 + kTile, push.height); ++y)
     for (int k = 0; k < int(kTile); ++k) {  // fixed length, for unrolling; border tiles repeat the last pixel
       float z = uintBitsToFloat(fetch(fusion, int(y * push.width) + min(x0 + k, last)).x);
-      most = max(most, z);
-      least = min(least, z);
+      max_depth = max(max_depth, z);
+      min_depth = min(min_depth, z);
     }
-  farthest[i] = most;
-  nearest[i] = least;
+  farthest[i] = max_depth;
+  nearest[i] = min_depth;
 }

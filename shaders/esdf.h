@@ -90,7 +90,7 @@ struct EsdfWavePush {
   uvec2 list;         // device address of the input list
   uint step;        // reads list `step`, appends to list `step + 1`
   uint capacity;    // of a list
-  uint is_settled;  // true after esdf_settle
+  uint is_final;  // true after esdf_finalize
 };
 
 // Box of cells, one per voxel, z fastest.

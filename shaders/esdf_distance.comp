@@ -30,8 +30,8 @@ void main() {
     vec3 n = site_normal(word), q = vec3(voxel - voxel_of(places, site)) - site_height(word) * n;
     float height = dot(q, n), squared = dot(q, q);
     float d = squared - height * height <= kPlane * kPlane ? abs(height) : sqrt(squared);
-    float metres = is_far(found) ? max_distance : min(d * voxel_size, max_distance);
-    uint bits = floatBitsToUint(state == kInside ? -metres : metres);
+    float meters = is_far(found) ? max_distance : min(d * voxel_size, max_distance);
+    uint bits = floatBitsToUint(state == kInside ? -meters : meters);
     distances[(group_index() << 12) | within] = state == kUnknown ? 0x7fc00000u : bits;
   }
 }

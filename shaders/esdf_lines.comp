@@ -15,7 +15,7 @@ layout(binding = 2, scalar) buffer Stack { Parabola stack[]; };
 WORDS(3, surface);
 WORDS(4, places);
 
-const float kSamePlace = 1e-3;  // voxels; sites ordered differently from their voxels also count as coincident
+const float kMinSiteGap = 1e-3;  // voxels; sites ordered differently from their voxels also count as coincident
 
 void main() {
   field = local(push.field);
@@ -31,12 +31,13 @@ void main() {
   for (int i = 0; i < count; ++i) {
     uint site = fetch(from, base + i * stride);
     bool is_site = site != kNoVoxel;
-    uint known = is_site ? site : 0u;
-    vec3 p = vec3(voxel_of(places, known) - origin) + site_point(surface_at(surface, known)), aside = p - vec3(start_cell);
+    uint valid_site = is_site ? site : 0u;
+    vec3 p = vec3(voxel_of(places, valid_site) - origin) + site_point(surface_at(surface, valid_site));
+    vec3 aside = p - vec3(start_cell);
     float at = axis == 2u ? p.z : axis == 1u ? p.y : p.x, over = dot(aside, aside) - at * at, start = -1.0;
     for (bool searching = is_site && depth > 0; searching;) {
       float gap = at - top.at;
-      start = gap > kSamePlace ? 0.5 * (at + top.at + (over - top.over) / gap) : over < top.over ? -2.0 : 1e9;
+      start = gap > kMinSiteGap ? 0.5 * (at + top.at + (over - top.over) / gap) : over < top.over ? -2.0 : 1e9;
       searching = start <= top.start;
       if (searching) {
         --depth;

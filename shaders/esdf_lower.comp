@@ -19,16 +19,16 @@ WORDS(7, dirty_blocks);
 const float kNear = 1.5;    // voxels; closer to the site, all neighbors get the offer
 const float kAside = 0.1;   // share of the largest component; along axes with less, both sides get the offer
 
-void offer(uint from, uint site, bool is_settled, uint step, uint capacity) {
+void offer(uint from, uint site, bool is_final, uint step, uint capacity) {
   if (site == kNoSite) return;
-  if (!is_settled && site != nearest_at(nearest, from).x) return;
-  uint most_squared = floatBitsToUint(field.max_squared);
+  if (!is_final && site != nearest_at(nearest, from).x) return;
+  uint max_squared_bits = floatBitsToUint(field.max_squared);
   ivec3 voxel = voxel_of(places, from), away = voxel - voxel_of(places, site);
   vec3 point = site_point(surface_at(surface, site));
   vec3 q = vec3(away) - point;
-  float most = max(abs(q.x), max(abs(q.y), abs(q.z)));
-  bool near = most < kNear;
-  bvec3 both = lessThan(abs(q), vec3(near ? 1e9 : kAside * most));
+  float max_offset = max(abs(q.x), max(abs(q.y), abs(q.z)));
+  bool near = max_offset < kNear;
+  bvec3 both = lessThan(abs(q), vec3(near ? 1e9 : kAside * max_offset));
   ivec3 sign_of = ivec3(q.x < 0.0 ? -1 : 1, q.y < 0.0 ? -1 : 1, q.z < 0.0 ? -1 : 1);
   ivec3 low = ivec3(both.x ? -1 : min(sign_of.x, 0),
                     both.y ? -1 : min(sign_of.y, 0),
@@ -42,27 +42,27 @@ void offer(uint from, uint site, bool is_settled, uint step, uint capacity) {
     at.z = at.z + 1 == size.z ? 0 : at.z + 1;  // counts through the box: CPU devices divide lane by lane
     at.y = at.z != 0 ? at.y : at.y + 1 == size.y ? 0 : at.y + 1;
     at.x += (at.y | at.z) == 0 ? 1 : 0;
-    uint squared = squared_bits(away + e, point), neighbour = address_of(table, voxel + e);
-    uvec2 theirs = nearest_at(nearest, neighbour != kNoVoxel ? neighbour : from);
+    uint squared = squared_bits(away + e, point), neighbor = address_of(table, voxel + e);
+    uvec2 theirs = nearest_at(nearest, neighbor != kNoVoxel ? neighbor : from);
     // Sites at equal distance are offered, too: the neighbor's site may have arrived in this step, and the thread order
     // must not decide between the two.
-    bool may_be_nearer = neighbour != kNoVoxel && theirs.x != site && squared <= theirs.y && squared < most_squared;
+    bool may_be_nearer = neighbor != kNoVoxel && theirs.x != site && squared <= theirs.y && squared < max_squared_bits;
     bits |= may_be_nearer ? 1u << (9 * e.x + 3 * e.y + e.z + 13) : 0u;
   }
   uint taken = 0u;
   for (; bits != 0u; bits &= bits - 1u) {
     int number = findLSB(bits);
     ivec3 e = step_of(number);
-    uint neighbour = address_of(table, voxel + e);
+    uint neighbor = address_of(table, voxel + e);
     uint64_t offered = pack64(candidate(away + e, point, site));
-    taken |= atomicMin(Nearest(field.nearest).v[neighbour], offered) > offered ? 1u << number : 0u;
+    taken |= atomicMin(Nearest(field.nearest).v[neighbor], offered) > offered ? 1u << number : 0u;
   }
   if (taken == 0u) return;
   uint index = append(step + 1u, uint(bitCount(taken)));
   for (; taken != 0u; taken &= taken - 1u, ++index) {
-    uint neighbour = address_of(table, voxel + step_of(findLSB(taken)));
-    if (index < capacity) next[index] = EsdfEntry(neighbour, site);
-    if (fetch(dirty_blocks, int(neighbour >> 12)) == 0u) dirty[neighbour >> 12] = 1u;
+    uint neighbor = address_of(table, voxel + step_of(findLSB(taken)));
+    if (index < capacity) next[index] = EsdfEntry(neighbor, site);
+    if (fetch(dirty_blocks, int(neighbor >> 12)) == 0u) dirty[neighbor >> 12] = 1u;
   }
 }
 
@@ -70,10 +70,10 @@ void main() {
   field = local(push.field);
   uvec2 list_address = push.list;
   uint step = push.step, capacity = push.capacity;
-  bool is_settled = push.is_settled != 0u;
+  bool is_final = push.is_final != 0u;
   uint count = min(capacity, Counts(field.counts).v[step].count);
   for (uint i = gl_GlobalInvocationID.x; i < count; i += 64u * gl_NumWorkGroups.x) {
     uvec2 entry = entry_at(list, list_address, i);
-    offer(entry.x, entry.y, is_settled, step, capacity);
+    offer(entry.x, entry.y, is_final, step, capacity);
   }
 }

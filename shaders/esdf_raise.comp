@@ -17,12 +17,12 @@ void take_over(uint address) {
   ivec3 voxel = voxel_of(places, address);
   uvec2 best = nearest_at(nearest, address);
   for (int i = 0; i < 6; ++i) {
-    uint neighbour = address_of(table, voxel + face_of(i)), asked = neighbour != kNoVoxel ? neighbour : address;
-    bool is_settled = neighbour != kNoVoxel && (surface_at(surface, asked) & kQueued) == 0u;
+    uint neighbor = address_of(table, voxel + face_of(i)), asked = neighbor != kNoVoxel ? neighbor : address;
+    bool is_final = neighbor != kNoVoxel && (surface_at(surface, asked) & kQueued) == 0u;
     uvec2 theirs = nearest_at(nearest, asked);
     uint site = is_far(theirs) ? address : theirs.x;
     uvec2 mine = candidate(voxel - voxel_of(places, site), site_point(surface_at(surface, site)), site);
-    bool is_taken = is_settled && !is_far(theirs) && uintBitsToFloat(mine.y) <= field.max_squared && is_nearer(mine, best);
+    bool is_taken = is_final && !is_far(theirs) && uintBitsToFloat(mine.y) <= field.max_squared && is_nearer(mine, best);
     best = is_taken ? mine : best;
   }
   Pairs(field.nearest).v[address] = best;

@@ -46,7 +46,7 @@ Corners corners_of(EsdfJob job, ivec3 low) {
         free_b = ((uvec4(bits) >> (place + 4u)) & 1u) * kFreeWord;
   return Corners(mix(a, free_a, equal(a >> 16, uvec4(0u))), mix(b, free_b, equal(b >> 16, uvec4(0u))));
 }
-bool is_known(Corners c) { return all(notEqual(c.a, uvec4(0u))) && all(notEqual(c.b, uvec4(0u))); }
+bool all_observed(Corners c) { return all(notEqual(c.a, uvec4(0u))) && all(notEqual(c.b, uvec4(0u))); }
 
 // New word of `surface` for a voxel of the field. `shifts` 2: also evaluates cells shifted by one TSDF voxel.
 uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
@@ -54,12 +54,12 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
   bool is_finest = scale_voxels == 1;
   float scale = float(scale_voxels);
   // In TSDF voxels: the center of the field voxel, and the half size of its part covered by a cell.
-  vec3 centre = vec3(at) * scale + 0.5 * (scale - 1.0);
+  vec3 center = vec3(at) * scale + 0.5 * (scale - 1.0);
   float reach = min(scale, 2.0) * 0.5 * ((old & kHasSurface) != 0u ? kSlack : 1.0);
   float best = 1e9, height = 0.0, sum = 0.0;
   vec3 normal = vec3(0.0, 0.0, 1.0);
   int observed = 0, mask = (1 << cell_bits) - 1;
-  uint least = least_weight(parameters.min_weight);
+  uint min_units = min_weight_units(parameters.min_weight);
   for (int i = 0; i < cells * shifts; ++i) {
     bool is_shifted = i >= cells;
     ivec3 cell = ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask);
@@ -75,20 +75,21 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
     float mean = 0.125 * dot(s, vec4(1.0));
     // Plane distance along the normal: at the center of this cell's part of the voxel, and at the voxel center.
     vec3 middle = vec3(low) + 0.5, part = is_finest ? vec3(at) : vec3(own) + 0.5;
-    float at_part = mean + dot(gradient, part - middle), at_centre = mean + dot(gradient, centre - middle);
-    float away = abs(at_centre * inverse);
+    float at_part = mean + dot(gradient, part - middle), at_center = mean + dot(gradient, center - middle);
+    float away = abs(at_center * inverse);
     // A plane may pass outside the corners, in the gap to the next cell. At the finest scale there are no gaps except
     // at brick borders, and depth discontinuities must not be extended.
     vec4 smallest = min(a, b), largest = max(a, b);
     bool is_crossed = min(min(smallest.x, smallest.y), min(smallest.z, smallest.w)) < 0.0 &&
                       max(max(largest.x, largest.y), max(largest.z, largest.w)) >= 0.0;
-    bool passes = weight >= least && slope > 1e-3 && (is_crossed || !is_finest || slope <= kSteep * parameters.slope) &&
+    bool passes = weight >= min_units && slope > 1e-3 &&
+                  (is_crossed || !is_finest || slope <= kSteep * parameters.slope) &&
                   abs(at_part) * inverse <= reach * (abs(gradient.x) + abs(gradient.y) + abs(gradient.z)) * inverse + kMargin;
     bool is_better = passes && away < best;
     best = is_better ? away : best;
-    height = is_better ? -at_centre * inverse / scale : height;
+    height = is_better ? -at_center * inverse / scale : height;
     normal = is_better ? gradient * inverse : normal;
-    bool counts = !is_shifted && is_known(c);
+    bool counts = !is_shifted && all_observed(c);
     sum += counts ? at_part : 0.0;
     observed += counts ? 1 : 0;
   }
@@ -108,7 +109,7 @@ uint surface_of(EsdfJob job, ivec3 at, uint old, int shifts) {
 // surface_of.
 bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
   int scale_voxels = 1 << parameters.scale_bits, cell_bits = max(0, int(parameters.scale_bits) - 1), cells = 1 << (3 * cell_bits);
-  int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, least = int(kDistanceUnits);
+  int mask = (1 << cell_bits) - 1, sum = 0, observed = 0, min_distance = int(kDistanceUnits);
   is_cut = false;
   for (int i = 0; i < cells; ++i) {
     ivec3 low = min(at * scale_voxels + 2 * ivec3(i >> (2 * cell_bits), (i >> cell_bits) & mask, i & mask), 6);
@@ -116,15 +117,15 @@ bool may_have_surface(EsdfJob job, ivec3 at, out bool is_cut, out uint state) {
     ivec4 a = ivec4(c.a), b = ivec4(c.b);
     ivec4 da = (a << 16) >> 16, db = (b << 16) >> 16, wa = (a >> 16) & 0xffff, wb = (b >> 16) & 0xffff;
     ivec4 both = min(abs(da), abs(db)), total = da + db, lowest = min(wa, wb), highest = max(wa, wb);
-    least = min(least, min(min(both.x, both.y), min(both.z, both.w)));
+    min_distance = min(min_distance, min(min(both.x, both.y), min(both.z, both.w)));
     bool is_observed = min(min(lowest.x, lowest.y), min(lowest.z, lowest.w)) > 0;
     is_cut = is_cut || (!is_observed && max(max(highest.x, highest.y), max(highest.z, highest.w)) > 0);
-    bool counts = is_known(c);
+    bool counts = all_observed(c);
     sum += counts ? total.x + total.y + total.z + total.w : 0;
     observed += counts ? 1 : 0;
   }
   state = 2 * observed >= cells ? (sum >= 0 ? kOutside : kInside) : kUnknown;
-  bool is_near = observed > 0 && least < int(kNearSurface * kDistanceUnits);
+  bool is_near = observed > 0 && min_distance < int(kNearSurface * kDistanceUnits);
   return is_cut || is_near;
 }
 

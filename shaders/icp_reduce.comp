@@ -24,7 +24,7 @@ void main() {
   vec4 counts = vec4(0);
   Pinhole camera = local(push.camera);
   Rigid model_from_live = local(state.model_from_live);
-  Rigid model_from_undone = local(state.model_from_undone);
+  Rigid model_from_corrected = local(state.model_from_corrected);
   float readout = state.readout;
   float max_squared = push.max_distance * push.max_distance, min_cosine = push.min_cosine, huber = push.huber;
   float inverse_cut = push.cut > 0.0 ? 1.0 / push.cut : 0.0;
@@ -42,7 +42,7 @@ void main() {
     float share = 0.0;
     if (kIsRolling != 0u) {
       share = readout * row_share(float(at.y), camera);
-      p += share * (p - transform(model_from_undone, seen_at));
+      p += share * (p - transform(model_from_corrected, seen_at));
     }
     ivec2 pixel = ivec2(floor(project(camera, p) + 0.5));
     bool valid = exists && l.y != 0u && z > 0.0 && p.z > 0.0;

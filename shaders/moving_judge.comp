@@ -31,5 +31,5 @@ void main() {
   float zk = float(int((pk.x >> 24) | ((pk.y >> 24) << 8))) * 0.001;
   float gap = 0.2 + 10.0 * depth_noise(z);
   bool seen_through = z < kReach && zk > q.z + gap;
-  verdicts[i] = (seen_through && zm > m.z + gap ? kStandsInFront : 0u) | (seen_through ? kSeenThrough : 0u);
+  verdicts[i] = (seen_through && zm > m.z + gap ? kInFrontOfMap : 0u) | (seen_through ? kSeenThrough : 0u);
 }

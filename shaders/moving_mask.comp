@@ -26,12 +26,12 @@ void main() {
   uint here = verdict(at);
   // Dilated by one pixel, because edges are blurred.
   uint around = here | verdict(at - ivec2(1, 0)) | verdict(at + ivec2(1, 0)) | verdict(at - ivec2(0, 1)) | verdict(at + ivec2(0, 1));
-  bool moving = (around & kStandsInFront) != 0u;
+  bool moving = (around & kInFrontOfMap) != 0u;
   if (push.only_count != 0u) {
     if (moving) atomicAdd(count, 1u);
     return;
   }
-  if (count > push.most) return;
+  if (count > push.max_count) return;
   if ((here & kSeenThrough) != 0u) live[at.y * int(push.width) + at.x] &= uvec2(0x00ffffffu);
   if (!moving) return;
   uint f = push.factor;

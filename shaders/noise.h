@@ -7,7 +7,7 @@
 #ifdef __cplusplus
 #include <array>
 
-#include "cairn/sensor_model.hpp"
+#include "cairn/mapping/sensor_model.hpp"
 
 namespace cairn::shader {
 

@@ -33,7 +33,7 @@ void main() {
   vec4 counts = vec4(0), moments = vec4(0);
   Pinhole camera = local(push.camera);
   Rigid keyframe_from_live = compose(local(push.keyframe_from_model), local(state.model_from_live));
-  Rigid keyframe_from_undone = compose(local(push.keyframe_from_model), local(state.model_from_undone));
+  Rigid keyframe_from_corrected = compose(local(push.keyframe_from_model), local(state.model_from_corrected));
   float readout = state.readout;
   vec3 rotation = push.rotation, translation = push.translation;
   float gain = state.gain, bias = state.bias, inverse_sigma = 1.0 / state.sigma;
@@ -53,7 +53,7 @@ void main() {
     float share = 0.0;
     if (kIsRolling != 0u) {
       share = readout * row_share(float(at.y), camera);
-      q += share * (q - transform(keyframe_from_undone, p));
+      q += share * (q - transform(keyframe_from_corrected, p));
     }
     vec2 v = project(camera, q);
     bool inside = exists && z > 0.0 && q.z > 0.1 && min(min(u.x, u.y), min(v.x, v.y)) >= 0.0 &&

@@ -28,7 +28,7 @@ struct PolygonizePush {
 struct MeshVertex {
   vec3 position;  // meters, submap frame
   vec3 normal;
-  uint colour;
+  uint color;
   float weight;   // observations at 1 m
 };
 
@@ -50,13 +50,13 @@ uvec2 fetch_voxel(ivec3 voxel) {
 const uint kNoCase = 256u;
 uint cell_case(ivec3 voxel, uint words_min) {
   uint inside = 0u;
-  uint least = 0xffffu;
+  uint min_units = 0xffffu;
   for (uint c = 0u; c < 8u; ++c) {
     uint word = fetch_voxel(voxel + ivec3(c & 1u, (c >> 1) & 1u, c >> 2)).x;
-    least = min(least, word >> 16);
+    min_units = min(min_units, word >> 16);
     inside |= ((word >> 15) & 1u) << c;  // sign of the distance
   }
-  return least < words_min ? kNoCase : inside;
+  return min_units < words_min ? kNoCase : inside;
 }
 #endif
 #endif

@@ -13,21 +13,21 @@ void main() {
   uint brick = push.first + group_index();
   uint column = gl_LocalInvocationID.x;
   ivec3 base = bricks[brick] * 8 + ivec3(column >> 3, column & 7u, 0);
-  uint least = least_weight(push.min_weight);
+  uint min_units = min_weight_units(push.min_weight);
   uvec2 codes = uvec2(0);
   uint bits_x = 0u, bits_y = 0u, bits_z = 0u, count = 0u;
   for (uint k = 0u; k < 8u; ++k) {
     ivec3 v = base + ivec3(0, 0, k);
-    uint code = cell_case(v, least);
+    uint code = cell_case(v, min_units);
     uint here = code == kNoCase ? 0u : code;
     codes |= uvec2(k < 4u ? here << (8u * k) : 0u, k < 4u ? 0u : here << (8u * k - 32u));
     count += table[here * kTableRow];
     uint w = fetch_voxel(v).x, wx = fetch_voxel(v + ivec3(1, 0, 0)).x;
     uint wy = fetch_voxel(v + ivec3(0, 1, 0)).x, wz = fetch_voxel(v + ivec3(0, 0, 1)).x;
-    bool known = (w >> 16) >= least;
-    bits_x |= known && (wx >> 16) >= least && ((w ^ wx) & 0x8000u) != 0u ? 1u << k : 0u;
-    bits_y |= known && (wy >> 16) >= least && ((w ^ wy) & 0x8000u) != 0u ? 1u << k : 0u;
-    bits_z |= known && (wz >> 16) >= least && ((w ^ wz) & 0x8000u) != 0u ? 1u << k : 0u;
+    bool known = (w >> 16) >= min_units;
+    bits_x |= known && (wx >> 16) >= min_units && ((w ^ wx) & 0x8000u) != 0u ? 1u << k : 0u;
+    bits_y |= known && (wy >> 16) >= min_units && ((w ^ wy) & 0x8000u) != 0u ? 1u << k : 0u;
+    bits_z |= known && (wz >> 16) >= min_units && ((w ^ wz) & 0x8000u) != 0u ? 1u << k : 0u;
   }
   uint word = brick * kEdgeWords + (column >> 2), shift = (column & 3u) * 8u;
   if (bits_x != 0u) atomicOr(masks[word], bits_x << shift);

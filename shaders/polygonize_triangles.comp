@@ -8,7 +8,7 @@ layout(local_size_x = 64) in;
 layout(binding = 2, scalar) readonly buffer Table { uint table[]; };
 layout(binding = 3, scalar) readonly buffer Masks { uint masks[]; };
 layout(binding = 4, scalar) readonly buffer Firsts { uint firsts[]; };
-layout(binding = 5, scalar) readonly buffer Neighbours { uint neighbours[]; };  // 8 per brick: index of brick + corner
+layout(binding = 5, scalar) readonly buffer Neighbors { uint neighbors[]; };  // 8 per brick: index of brick + corner
                                                                                 // c
 layout(binding = 6, scalar) writeonly buffer Indices { uint indices[]; };
 
@@ -16,7 +16,7 @@ layout(binding = 6, scalar) writeonly buffer Indices { uint indices[]; };
 uint vertex_on(uint brick, uvec3 cell, uint edge) {
   uint corner = edge & 7u, axis = edge >> 3;
   uvec3 v = cell + uvec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
-  uint owner = neighbours[brick * 8u + ((v.x >> 3) | ((v.y >> 3) << 1) | ((v.z >> 3) << 2))];
+  uint owner = neighbors[brick * 8u + ((v.x >> 3) | ((v.y >> 3) << 1) | ((v.z >> 3) << 2))];
   v &= 7u;
   uint bit = (v.x << 6) | (v.y << 3) | v.z;
   uint word = owner * kEdgeWords + axis * 16u + (bit >> 5);

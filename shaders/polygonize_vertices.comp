@@ -9,15 +9,15 @@ layout(binding = 2, scalar) readonly buffer Masks { uint masks[]; };
 layout(binding = 3, scalar) readonly buffer Firsts { uint firsts[]; };  // index of the first vertex by mask word
 layout(binding = 4, scalar) writeonly buffer Vertices { MeshVertex vertices[]; };
 
-float known_distance(ivec3 voxel, float otherwise) {
+float distance_or(ivec3 voxel, float otherwise) {
   uint word = fetch_voxel(voxel).x;
   return (word >> 16) != 0u ? voxel_distance(word) : otherwise;
 }
 // Central differences, one-sided if a neighbor was never observed.
 vec3 gradient(ivec3 v, float d) {
-  return vec3(known_distance(v + ivec3(1, 0, 0), d) - known_distance(v - ivec3(1, 0, 0), d),
-              known_distance(v + ivec3(0, 1, 0), d) - known_distance(v - ivec3(0, 1, 0), d),
-              known_distance(v + ivec3(0, 0, 1), d) - known_distance(v - ivec3(0, 0, 1), d));
+  return vec3(distance_or(v + ivec3(1, 0, 0), d) - distance_or(v - ivec3(1, 0, 0), d),
+              distance_or(v + ivec3(0, 1, 0), d) - distance_or(v - ivec3(0, 1, 0), d),
+              distance_or(v + ivec3(0, 0, 1), d) - distance_or(v - ivec3(0, 0, 1), d));
 }
 
 void main() {
@@ -39,10 +39,10 @@ void main() {
     float t = clamp(da / (da - db), 0.001, 0.999);
     vec3 n = mix(gradient(a, da), gradient(b, db), t);
     float ca = (wa.y >> 24) != 0u ? 1.0 - t : 0.0, cb = (wb.y >> 24) != 0u ? t : 0.0;
-    vec3 colour = (ca * unpackUnorm4x8(wa.y).rgb + cb * unpackUnorm4x8(wb.y).rgb) / max(ca + cb, 1e-6);
-    if (ca + cb == 0.0) colour = vec3(0.7);
+    vec3 color = (ca * unpackUnorm4x8(wa.y).rgb + cb * unpackUnorm4x8(wb.y).rgb) / max(ca + cb, 1e-6);
+    if (ca + cb == 0.0) color = vec3(0.7);
     vertices[vertex++] = MeshVertex((vec3(a) + t * vec3(step_v)) * push.volume.voxel_size, n / max(length(n), 1e-12),
-                                    packUnorm4x8(vec4(colour, 1.0)),
+                                    packUnorm4x8(vec4(color, 1.0)),
                                     mix(voxel_weight(wa.x), voxel_weight(wb.x), t));
   }
 }

@@ -28,8 +28,8 @@ const float kMinInliers = 6.0;
 // Brightness residuals of adjacent pixels are correlated, so many count as few. Sensor noise is correlated by
 // interpolation only; the rest of the variance is calibration, shutter and shading, which are common to entire objects.
 const float kBrightnessNoise = 0.015;  // standard deviation, brightness in 0..1
-const float kNoiseTogether = 10.0;     // residuals that count as one independent residual
-const float kSystematicTogether = 60.0;
+const float kCorrelatedNoise = 10.0;  // residuals that count as one independent residual
+const float kCorrelatedSystematic = 60.0;
 const float kMinPhotometricShare = 0.05;  // minimum share of pixels with a brightness in both images
 
 struct Equations {  // a x = b for x = (rotation, translation); a is symmetric
@@ -205,9 +205,9 @@ void main() {
   int thread = int(gl_LocalInvocationIndex), threads = int(gl_WorkGroupSize.x);
   bool is_finest = push.level == push.finest;
   uint directions = state.directions, iteration = state.iteration;
-  bool looks_for_weak = is_finest && iteration == 0u && directions != kWithAll;
+  bool checks_degeneracy = is_finest && iteration == 0u && directions != kWithAll;
   int parts = int(push.groups * fetch(geometry, kIcpWords - 1));
-  int crossed_parts = looks_for_weak ? parts : 0;
+  int crossed_parts = checks_degeneracy ? parts : 0;
   int photometric_parts = push.has_brightness != 0u ? int(push.groups * fetch(photometric, kPhotometricWords - 1)) : 0;
   for (int word = thread; word < kIcpWords; word += threads) {
     float sum = 0.0, pairs = 0.0;
@@ -231,7 +231,7 @@ void main() {
                                transpose(mat3(state.keep_rt0, state.keep_rt1, state.keep_rt2)),
                                symmetric(state.keep_tt0, state.keep_tt1), state.lever, state.weak);
   bool goes_on = true;
-  if (looks_for_weak) {
+  if (checks_degeneracy) {
     // Normals of surfaces that are not aligned yet carry no information about noise. In a young map normals disagree
     // even when aligned; brightness that fits to its noise without the weak directions proves the alignment.
     bool agree = inliers > kAgreeing * seen, close = total[kIcpWords + 28] > kAgreeing * seen;
@@ -251,16 +251,16 @@ void main() {
   float key_squared = total[at], key_seen = total[at + 1], fitting = total[at + 2];
   float weight = total[at + 3], mean_live = total[at + 4] / max(weight, 1e-12), mean_key = total[at + 5] / max(weight, 1e-12);
   float spread = total[at + 6] / max(weight, 1e-12) - mean_live * mean_live;
-  float together = total[at + 7] / max(weight, 1e-12) - mean_live * mean_key;
+  float covariance = total[at + 7] / max(weight, 1e-12) - mean_live * mean_key;
   bool uses_brightness = key_seen * stride * stride > kMinPhotometricShare * push.pixels;
   // Kerl, Sturm & Cremers 2013, eq. 15: one fixed-point step per iteration.
   float key_sigma = max(sqrt(key_squared / max(key_seen, 1.0)), kMinBrightnessSigma), all = key_sigma * key_sigma;
   float noise = min(all, kBrightnessNoise * kBrightnessNoise);
-  float key_variance = kNoiseTogether * noise + kSystematicTogether * (all - noise);
+  float key_variance = kCorrelatedNoise * noise + kCorrelatedSystematic * (all - noise);
   e = sum_of(e, has_geometry ? 1.0 / variance : 0.0, moved(equations_at(2 * kIcpWords), local(push.keyframe_from_model)),
              uses_brightness ? 1.0 / key_variance : 0.0);
   // Gain and bias by weighted linear regression of the keyframe's brightness on the live brightness.
-  float gain = spread > 1e-4 ? clamp(together / spread, 0.3, 3.0) : 1.0;
+  float gain = spread > 1e-4 ? clamp(covariance / spread, 0.3, 3.0) : 1.0;
 
   Solution x = solve(e);
   float change = sqrt(dot(x.rotation, x.rotation) + dot(x.translation, x.translation));
@@ -296,8 +296,8 @@ void main() {
   state.unobserved = x.unobserved;
 
   // Close to convergence all pixels are used, at least in the last two iterations.
-  bool was_near = state.is_near != 0u, is_last = (was_near && !moves_on) || iteration + 1u >= push.most;
-  bool is_near = was_near || !moves_on || iteration + 2u >= push.most;
+  bool was_near = state.is_near != 0u, is_last = (was_near && !moves_on) || iteration + 1u >= push.max_iterations;
+  bool is_near = was_near || !moves_on || iteration + 2u >= push.max_iterations;
   uint level = push.level, count = push.groups;
   ++iteration;
   if (is_last && !is_finest) --level, count = push.next_groups, iteration = 0u, is_near = level != push.finest;

@@ -15,12 +15,12 @@ void main() {
   if (slot >= push.slots) return;
   SlotState state = slots[slot];
   if (state.used == 0u) return;
-  vec3 centre = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
+  vec3 center = inverse_transform(push.submap_from_camera, (vec3(state.brick) + 0.5) * push.brick_size);
   float radius = 0.8661 * push.brick_size;
-  float near = max(centre.z - radius, push.min_depth), far = min(centre.z + radius, push.max_depth);
+  float near = max(center.z - radius, push.min_depth), far = min(center.z + radius, push.max_depth);
   if (far <= near) return;
 
-  TileRange tiles = tiles_of_box(push.camera, centre.xy - radius, centre.xy + radius, near, far);
+  TileRange tiles = tiles_of_box(push.camera, center.xy - radius, center.xy + radius, near, far);
   if (!tiles.is_in_view) return;
   uvec2 first = tiles.first, last = tiles.last;
   uint columns = tiles_along(push.camera.width);

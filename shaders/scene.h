@@ -20,14 +20,14 @@ const uint kTiles = 3;
 const uint kPatches = 4;   // cells of random colors, like books or a picture
 
 struct Solid {
-  vec3 centre;
+  vec3 center;
   vec3 half_size;
   vec2 heading;  // cosine and sine of the rotation about the vertical
   float reach;   // radius of a bounding ball around the center; infinite for kHollow
   uint shape;
   uint pattern;
   float scale;   // of the pattern
-  vec3 colour;   // linear in 0..1, as stored in images
+  vec3 color;   // linear in 0..1, as stored in images
   vec3 second;   // second color of the pattern
 };
 

@@ -13,11 +13,11 @@ WORDS(0, solids);  // Solid as words
 layout(binding = 1, scalar) writeonly buffer Depth { float depth[]; };
 layout(binding = 2, scalar) writeonly buffer Cosine { float cosine[]; };  // of the angle between the ray and the
                                                                           // surface normal
-layout(binding = 3, scalar) writeonly buffer Colour { uint colour[]; };
+layout(binding = 3, scalar) writeonly buffer Color { uint color[]; };
 layout(binding = 4, scalar) readonly buffer Rays { vec2 rays[]; };  // at z = 1
 layout(binding = 5, scalar) readonly buffer Rows { Rigid rows[]; };  // world_from_camera by row, for a rolling shutter
 
-const float kFar = 1e9;
+const float kNoHit = 1e9;
 
 float number_of(uint solid, int k) { return uintBitsToFloat(fetch(solids, int(solid) * kSolidWords + k)); }
 vec3 vector_of(uint solid, int k) { return vec3(number_of(solid, k), number_of(solid, k + 1), number_of(solid, k + 2)); }
@@ -64,22 +64,22 @@ vec4 meet(Solid solid, vec3 o, vec3 d) {
   vec3 near_normal, far_normal;
   if (solid.shape == kBox || solid.shape == kHollow) {
     vec2 t = box_interval(o, d, solid.half_size, near_normal, far_normal);
-    if (solid.shape == kHollow) return vec4(far_normal, t.x < t.y && t.y > 0.0 ? t.y : kFar);
-    return vec4(near_normal, t.x < t.y && t.x > 0.0 ? t.x : kFar);
+    if (solid.shape == kHollow) return vec4(far_normal, t.x < t.y && t.y > 0.0 ? t.y : kNoHit);
+    return vec4(near_normal, t.x < t.y && t.x > 0.0 ? t.x : kNoHit);
   }
   bool sphere = solid.shape == kSphere;
   vec3 mask = sphere ? vec3(1) : vec3(1, 0, 1);
   vec3 om = o * mask, dm = d * mask;
   float a = dot(dm, dm), b = dot(om, dm), c = dot(om, om) - solid.half_size.x * solid.half_size.x;
   float root = b * b - a * c;
-  float t = root > 0.0 ? (-b - sqrt(root)) / a : kFar;
+  float t = root > 0.0 ? (-b - sqrt(root)) / a : kNoHit;
   vec3 at = o + d * t;
-  if (sphere) return vec4(at / solid.half_size.x, t > 0.0 ? t : kFar);
-  bool side = t > 0.0 && t < kFar && abs(at.y) < solid.half_size.y;
+  if (sphere) return vec4(at / solid.half_size.x, t > 0.0 ? t : kNoHit);
+  bool side = t > 0.0 && t < kNoHit && abs(at.y) < solid.half_size.y;
   float cap = (-solid.half_size.y * sign(d.y) - o.y) / (d.y == 0.0 ? 1e-12 : d.y);
   vec3 on_cap = o + d * cap;
   bool top = cap > 0.0 && dot(on_cap.xz, on_cap.xz) < solid.half_size.x * solid.half_size.x;
-  return side ? vec4(at * mask / solid.half_size.x, t) : vec4(0.0, -sign(d.y), 0.0, top ? cap : kFar);
+  return side ? vec4(at * mask / solid.half_size.x, t) : vec4(0.0, -sign(d.y), 0.0, top ? cap : kNoHit);
 }
 
 vec3 texture_at(Solid solid, vec3 p, vec3 n) {
@@ -87,21 +87,21 @@ vec3 texture_at(Solid solid, vec3 p, vec3 n) {
   vec3 on_grid = floor(q + 1e-3 * n);  // a face on the border of cells belongs to a single cell
   float grain = 0.55 * noise(p * 37.0) + 0.3 * noise(p * 83.0 + 7.0) + 0.15 * noise(p * 171.0 + 3.0);
   float blotch = noise(p * 4.0 + 11.0);
-  vec3 base = solid.colour;
-  if (solid.pattern == kChecker) base = mod(on_grid.x + on_grid.y + on_grid.z, 2.0) < 0.5 ? solid.colour : solid.second;
+  vec3 base = solid.color;
+  if (solid.pattern == kChecker) base = mod(on_grid.x + on_grid.y + on_grid.z, 2.0) < 0.5 ? solid.color : solid.second;
   if (solid.pattern == kWood) {
     float rings = 0.5 + 0.5 * sin(q.y * 9.0 + q.z * 14.0 + 5.0 * noise(q * vec3(1.0, 6.0, 6.0)));
-    base = mix(solid.colour, solid.second, rings);
+    base = mix(solid.color, solid.second, rings);
   }
   if (solid.pattern == kTiles) {
     vec3 edge = abs(fract(q + 1e-3 * n) - 0.5) * (1.0 - abs(n));
     float grout = smoothstep(0.46, 0.48, max(max(edge.x, edge.y), edge.z));
-    base = mix(solid.colour * (0.85 + 0.3 * hash(ivec3(on_grid))), solid.second, grout);
+    base = mix(solid.color * (0.85 + 0.3 * hash(ivec3(on_grid))), solid.second, grout);
   }
   if (solid.pattern == kPatches) {
     ivec3 cell = ivec3(on_grid);
     vec3 random = vec3(hash(cell), hash(cell + 91), hash(cell + 173));
-    base = mix(mix(solid.colour, solid.second, random.x), random, 0.6);
+    base = mix(mix(solid.color, solid.second, random.x), random, 0.6);
   }
   return base * (0.62 + 0.5 * grain + 0.22 * (blotch - 0.5));
 }
@@ -132,7 +132,7 @@ void main() {
     cosine_of_cone = min(cosine_of_cone, dot(axis, normalize(ray_of(corner + size * vec2(c & 1u, c >> 1u)))));
   axis = rotate(push.world_from_camera, axis);
   float sine_of_cone = sqrt(max(1.0 - cosine_of_cone * cosine_of_cone, 0.0)) + (push.is_bent != 0u ? 1e-2 : 1e-4);  // margin for rounding
-  vec4 best = vec4(0.0, 0.0, 0.0, kFar);
+  vec4 best = vec4(0.0, 0.0, 0.0, kNoHit);
   uint which = 0u;
   // Computed, because lavapipe numbers the threads of a subgroup of 16 incorrectly (Mesa 22.3).
   uint lane = subgroupExclusiveAdd(1u), step = min(subgroupAdd(1u), 32u);
@@ -148,7 +148,7 @@ void main() {
       uint i = first + findLSB(marked);
       marked &= marked - 1u;
       Solid solid = solid_at(i);
-      vec4 hit = meet(solid, turn(o - solid.centre, solid.heading), turn(d, solid.heading));
+      vec4 hit = meet(solid, turn(o - solid.center, solid.heading), turn(d, solid.heading));
       which = hit.w < best.w ? i : which;
       best = hit.w < best.w ? hit : best;
     }
@@ -158,10 +158,10 @@ void main() {
   bool found = best.w < 100.0;
   Solid solid = solid_at(which);
   vec3 n = turn(best.xyz, vec2(solid.heading.x, -solid.heading.y));
-  vec3 p = turn(o + d * best.w - solid.centre, solid.heading);
+  vec3 p = turn(o + d * best.w - solid.center, solid.heading);
   float light = 0.75 + 0.25 * dot(n, normalize(vec3(0.4, -0.8, -0.45)));
   vec3 shade = clamp(texture_at(solid, p, best.xyz) * light * 1.15, 0.0, 1.0);
   depth[at] = found ? best.w : 0.0;
   cosine[at] = found ? -dot(n, normalize(d)) : 0.0;
-  colour[at] = packUnorm4x8(vec4(found ? shade : vec3(0.0), 1.0));
+  color[at] = packUnorm4x8(vec4(found ? shade : vec3(0.0), 1.0));
 }

@@ -31,7 +31,7 @@ vec3 part(uint source, ivec3 voxel, float share) {
 // Running sums of an output voxel.
 struct Sum {
   float distance, weight;
-  vec4 colour;  // with its weight
+  vec4 color;  // with its weight
 };
 
 void add(inout Sum sum, uint source, vec3 at) {
@@ -42,25 +42,26 @@ void add(inout Sum sum, uint source, vec3 at) {
   // first. Half the accesses of trilinear interpolation, and equally exact on planes.
   bvec3 is_first = bvec3(h.x >= h.y && h.x >= h.z, h.y > h.x && h.y >= h.z, h.z > h.x && h.z > h.y);
   bvec3 is_last = bvec3(h.x < h.y && h.x < h.z, h.y <= h.x && h.y < h.z, h.z <= h.x && h.z <= h.y);
-  float most = max(h.x, max(h.y, h.z)), least = min(h.x, min(h.y, h.z)), middle = h.x + h.y + h.z - most - least;
-  vec3 found = part(source, low, 1.0 - most);
-  found += part(source, mix(low, high, is_first), most - middle);
-  found += part(source, mix(high, low, is_last), middle - least);
-  found += part(source, high, least);
+  float largest = max(h.x, max(h.y, h.z)), smallest = min(h.x, min(h.y, h.z));
+  float middle = h.x + h.y + h.z - largest - smallest;
+  vec3 found = part(source, low, 1.0 - largest);
+  found += part(source, mix(low, high, is_first), largest - middle);
+  found += part(source, mix(high, low, is_last), middle - smallest);
+  found += part(source, high, smallest);
   float weight = found.z > kAll ? found.y : 0.0;
   sum.distance += weight * found.x;
   sum.weight += weight;
 
   int rgbn = int(Voxels(push.voxels).v[index_of(source, ivec3(at + 0.5))].y);
   float shade = weight > 0.0 ? float((rgbn >> 24) & 0xff) : 0.0;
-  sum.colour += shade * vec4(ivec4(rgbn & 0xff, (rgbn >> 8) & 0xff, (rgbn >> 16) & 0xff, 1));
+  sum.color += shade * vec4(ivec4(rgbn & 0xff, (rgbn >> 8) & 0xff, (rgbn >> 16) & 0xff, 1));
 }
 
 uvec2 voxel_of(Sum sum) {
   float mean = sum.weight > 0.0 ? sum.distance / sum.weight : 0.0;
   int weight = int(min(sum.weight, push.max_weight * kWeightUnits) + 0.5);
-  ivec3 byte = ivec3((sum.colour.w > 0.0 ? sum.colour.rgb / sum.colour.w : vec3(0.0)) + 0.5);
-  uint rgb = uint(byte.x | (byte.y << 8) | (byte.z << 16) | (int(min(sum.colour.w, 255.0)) << 24));
+  ivec3 byte = ivec3((sum.color.w > 0.0 ? sum.color.rgb / sum.color.w : vec3(0.0)) + 0.5);
+  uint rgb = uint(byte.x | (byte.y << 8) | (byte.z << 16) | (int(min(sum.color.w, 255.0)) << 24));
   return weight > 0 ? uvec2(distance_and_weight(int(round(mean)), weight), rgb) : uvec2(0);
 }
 

@@ -17,7 +17,7 @@ struct SurfaceRectifyPush {
   float distance;  // meters; assumed for pixels without depth
 };
 
-struct SurfaceColourPush {
+struct SurfaceColorPush {
   ShutterMotion motion;  // motion of the color camera
   uint width;            // size of the depth image
   uint height;
@@ -29,11 +29,11 @@ struct SurfaceBrightnessPush {
   uint height;
 };
 
-struct ColourView {  // a color camera next to the depth camera; specialization constants of kernels, see
-                     // surface_colour.h
+struct ColorView {  // a color camera next to the depth camera; specialization constants of kernels, see
+                     // surface_color.h
   Pinhole camera;           // color camera
   LensBend lens;            // color camera
-  Rigid colour_from_depth;  // maps (z * column, z * row, z) of an undistorted depth pixel to the color camera frame
+  Rigid color_from_depth;  // maps (z * column, z * row, z) of an undistorted depth pixel to the color camera frame
   float widest;             // tangent of the largest angle to the axis at which `lens` is valid
   uint cell;                // side of the nearest-depth cells, pixels
   uint mean;                // side of the averaging window per depth pixel, pixels; 1: bilinear
@@ -62,7 +62,7 @@ struct SurfaceIntensityPush {
   uint height;
   uint fine_width;   // width of the source
   uint factor;       // source pixels per pixel, along x and y: 1 or 2
-  uint from_colour;  // 1: the source is a fusion image; 0: intensities
+  uint from_color;  // 1: the source is a fusion image; 0: intensities
 };
 
 // A packed pixel holds the data for one bilinear sample: x = I(x, y) | I(x + 1, y) << 12 | low byte of the depth << 24,
@@ -70,7 +70,7 @@ struct SurfaceIntensityPush {
 // Depth in mm.
 struct SurfacePointsPush {
   Pinhole camera;
-  uint has_colour;  // 1: also writes packed pixels
+  uint has_color;  // 1: also writes packed pixels
 };
 
 #ifdef __cplusplus
@@ -79,8 +79,8 @@ struct SurfacePointsPush {
 // Luminance in 0..1 of a color in levels of 0..255.
 float luminance(vec3 rgb) { return dot(rgb, vec3(0.299, 0.587, 0.114)) * (1.0 / 255.0); }
 bool is_exposed(vec3 rgb) {
-  float most = max(max(rgb.r, rgb.g), rgb.b);
-  return most < 253.0 && most > 2.0;
+  float max_channel = max(max(rgb.r, rgb.g), rgb.b);
+  return max_channel < 253.0 && max_channel > 2.0;
 }
 
 // Depths are compared as inverse depths, 1 / m, in which the noise is symmetric between nearer and farther values.
@@ -89,11 +89,11 @@ vec4 inverse_depth(vec4 z) { return 1.0 / max(z, vec4(1e-3)); }  // a missing me
 
 // For four pixels to merge: 1 for those on the same surface as the first valid pixel, else 0. The limit is generous,
 // since a sensor may be twice as noisy as depth_noise: excluding outliers on one side only would bias the mean.
-vec4 at_one_place(vec4 z) {
-  const float kApart = 12.0;  // standard deviations
+vec4 on_same_surface(vec4 z) {
+  const float kMaxDeviation = 12.0;  // standard deviations
   vec4 valid = vec4(greaterThan(z, vec4(0.0))), q = inverse_depth(z);
   float first = valid.x > 0.0 ? q.x : valid.y > 0.0 ? q.y : valid.z > 0.0 ? q.z : q.w;
-  return valid * vec4(lessThanEqual(abs(q - first), vec4(kApart * depth_noise(1.0 / first) * first * first)));
+  return valid * vec4(lessThanEqual(abs(q - first), vec4(kMaxDeviation * depth_noise(1.0 / first) * first * first)));
 }
 
 // Mean depth of the pixels on the same surface; 0 if there are none.

@@ -5,22 +5,22 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
-#include "shaders/surface_colour.h"
+#include "shaders/surface_color.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceBrightnessPush push; };
 FLOATS(0, depth);  // at this level
 FLOATS(1, nearest);
-WORDS(2, raw_colour);
+WORDS(2, raw_color);
 layout(binding = 3, scalar) writeonly buffer Intensity { float intensity[]; };
 
 void main() {
   int width = int(push.width);
   ivec2 at = thread_place();
   if (at.x >= width || at.y >= int(push.height)) return;
-  float known = fetch(depth, at.y * width + at.x), z = known > 0.0 ? known : kUnknownDepth;
+  float measured = fetch(depth, at.y * width + at.x), z = measured > 0.0 ? measured : kUnknownDepth;
   vec2 pixel;
   bool is_seen = seen_at(local(push.motion), vec2(at) * float(kFactor) + 0.5 * float(kFactor - 1u), z, pixel) &&
-                 !(known > 0.0 && is_hidden(nearest, pixel, z));
+                 !(measured > 0.0 && is_hidden(nearest, pixel, z));
   // A square of integer side with a subpixel start: the first and the last pixel of a row are covered partly.
   int side = int(view().mean * kFactor);
   vec2 begin = pixel - 0.5 * float(side - 1);
@@ -30,7 +30,7 @@ void main() {
   for (int v = 0; v <= side; ++v)
     for (int u = 0; u <= side; ++u) {
       ivec2 p = clamp(first + ivec2(u, v), ivec2(0), last);
-      vec3 rgb = levels_of(fetch(raw_colour, p.y * int(view().camera.width) + p.x));
+      vec3 rgb = levels_of(fetch(raw_color, p.y * int(view().camera.width) + p.x));
       is_seen = is_seen && is_exposed(rgb);
       sum += luminance(rgb) * (u == 0 ? 1.0 - part.x : u == side ? part.x : 1.0) *
              (v == 0 ? 1.0 - part.y : v == side ? part.y : 1.0);

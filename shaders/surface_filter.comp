@@ -11,10 +11,10 @@
 #include "shaders/surface.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceFilterPush push; };
-layout(constant_id = 4) const float kFusesColour = 1.0;  // color is registered to depth
+layout(constant_id = 4) const float kFusesColor = 1.0;  // color is registered to depth
 layout(constant_id = 5) const float kKeepsFinest = 0.0;  // also writes the smoothed full-resolution depth
 FLOATS(0, depth);
-WORDS(1, colour);
+WORDS(1, color);
 layout(binding = 2, scalar) writeonly buffer Fusion { uvec2 fusion[]; };
 layout(binding = 3, scalar) writeonly buffer Smooth { float smooth_depth[]; };
 layout(binding = 4, scalar) writeonly buffer Half { float half_depth[]; };
@@ -87,7 +87,7 @@ vec4 smoothed(Row r0, Row r1, Row r2, Row r3, Row r4, vec4 z, vec4 sigma, vec3 g
 void keep(int y, vec4 z, vec4 smooth_z) {
   uvec4 bits = floatBitsToUint(z), rgb = uvec4(0u);
   ivec4 at = y * width + x;
-  if (kFusesColour > 0.0) rgb = uvec4(fetch(colour, at.x), fetch(colour, at.y), fetch(colour, at.z), fetch(colour, at.w));
+  if (kFusesColor > 0.0) rgb = uvec4(fetch(color, at.x), fetch(color, at.y), fetch(color, at.z), fetch(color, at.w));
   fusion[at.x] = uvec2(bits.x, rgb.x);
   fusion[at.y] = uvec2(bits.y, rgb.y);
   fusion[at.z] = uvec2(bits.z, rgb.z);
@@ -125,6 +125,6 @@ void main() {
   if (push.halves == 0u || !is_pair || (first & 1) != 0) return;
   vec4 left = vec4(smooth_above.xy, smooth_below.xy), right = vec4(smooth_above.zw, smooth_below.zw);
   int half_at = place.y * (width >> 1) + (first >> 1);
-  half_depth[half_at] = mean_depth(left, at_one_place(left));
-  half_depth[half_at + 1] = mean_depth(right, at_one_place(right));
+  half_depth[half_at] = mean_depth(left, on_same_surface(left));
+  half_depth[half_at + 1] = mean_depth(right, on_same_surface(right));
 }

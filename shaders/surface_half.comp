@@ -16,5 +16,5 @@ void main() {
   if (p.x >= width || p.y >= int(push.height)) return;
   int at = 2 * (p.y * fine_width + p.x);
   vec4 z = vec4(fetch(fine, at), fetch(fine, at + 1), fetch(fine, at + fine_width), fetch(fine, at + fine_width + 1));
-  coarse[p.y * width + p.x] = mean_depth(z, at_one_place(z));
+  coarse[p.y * width + p.x] = mean_depth(z, on_same_surface(z));
 }

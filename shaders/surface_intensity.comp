@@ -11,7 +11,7 @@ WORDS(0, source);  // fusion image, or intensities of the finer level
 layout(binding = 1, scalar) writeonly buffer Intensity { float intensity[]; };
 
 float read(int i) {
-  if (push.from_colour == 0u) return uintBitsToFloat(fetch(source, i));
+  if (push.from_color == 0u) return uintBitsToFloat(fetch(source, i));
   uint word = fetch(source, 2 * i + 1);
   vec3 rgb = vec3(ivec3(word & 0xffu, (word >> 8) & 0xffu, (word >> 16) & 0xffu));
   return is_exposed(rgb) ? luminance(rgb) : -1.0;

@@ -5,9 +5,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
-#include "shaders/surface_colour.h"
+#include "shaders/surface_color.h"
 layout(local_size_x = 16, local_size_y = 4) in;
-layout(push_constant, scalar) uniform Push { SurfaceColourPush push; };
+layout(push_constant, scalar) uniform Push { SurfaceColorPush push; };
 FLOATS(0, depth);
 layout(binding = 1, scalar) buffer Nearest { uint nearest[]; };  // bits of positive floats sort like integers
 

@@ -34,7 +34,7 @@ void main() {
   vec3 dy = ray_through(camera, q + vec2(0, 1)) * d - ray_through(camera, q - vec2(0, 1)) * u;
   vec3 n = cross(dy, dx);
   points[i] = uvec2(floatBitsToUint(z), connected && z > 0.0 ? pack_normal(n / max(length(n), 1e-12)) : 0u);
-  if (push.has_colour == 0u) return;
+  if (push.has_color == 0u) return;
   // Input of the photometric term: intensities of four neighbors, and depth; empty in the last row and column.
   bool has_four = p.x + 1 < width && p.y + 1 < height;
   int right = has_four ? 1 : 0, below = has_four ? width : 0;

@@ -6,18 +6,18 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
-#include "shaders/surface_colour.h"
+#include "shaders/surface_color.h"
 layout(local_size_x = 16, local_size_y = 4) in;
 layout(push_constant, scalar) uniform Push { SurfaceRectifyPush push; };
 layout(constant_id = 36) const uint kKeepsLens = 0;  // corrects the shutter only; the rays of the lens are given per
                                                      // pixel
 layout(constant_id = 37) const uint kHasDepth = 1;
-layout(constant_id = 38) const uint kHasColour = 1;  // color registered to depth, or an image without depth
+layout(constant_id = 38) const uint kHasColor = 1;  // color registered to depth, or an image without depth
 FLOATS(0, raw_depth);
-WORDS(1, raw_colour);
+WORDS(1, raw_color);
 PAIRS(2, rays);
 layout(binding = 3, scalar) writeonly buffer Depth { float depth[]; };
-layout(binding = 4, scalar) writeonly buffer Colour { uint colour[]; };
+layout(binding = 4, scalar) writeonly buffer Color { uint color[]; };
 
 const int kIterations = 2;       // each reduces the error to about a hundredth
 const float kOneSurface = 0.03;  // relative depth difference up to which four pixels are interpolated
@@ -33,11 +33,11 @@ float measured(vec2 pixel) {
 float measured_between(int at, vec2 f) {
   vec4 z = vec4(fetch(raw_depth, at), fetch(raw_depth, at + 1), fetch(raw_depth, at + width),
                 fetch(raw_depth, at + width + 1));
-  float least = min(min(z.x, z.y), min(z.z, z.w)), most = max(max(z.x, z.y), max(z.z, z.w));
+  float min_z = min(min(z.x, z.y), min(z.z, z.w)), max_z = max(max(z.x, z.y), max(z.z, z.w));
   vec4 q = 1.0 / max(z, vec4(1e-3));
   vec2 column = f.x < 0.5 ? z.xz : z.yw;
   float nearest = f.y < 0.5 ? column.x : column.y;
-  return least > 0.0 && most - least < kOneSurface * least ? 1.0 / mix(mix(q.x, q.y, f.x), mix(q.z, q.w, f.x), f.y)
+  return min_z > 0.0 && max_z - min_z < kOneSurface * min_z ? 1.0 / mix(mix(q.x, q.y, f.x), mix(q.z, q.w, f.x), f.y)
                                                            : nearest;
 }
 
@@ -70,12 +70,12 @@ void main() {
     if (is_rolling && z > 0.0) z = max(at_once(motion, z * vec3(n, 1.0), (pixel.y + 0.5) * rows).z, 0.0);
     depth[i] = inside ? z : 0.0;
   }
-  if (kHasColour != 0u) {
-    uint a = fetch(raw_colour, at), b = fetch(raw_colour, at + 1), c = fetch(raw_colour, at + width),
-         d = fetch(raw_colour, at + width + 1);
+  if (kHasColor != 0u) {
+    uint a = fetch(raw_color, at), b = fetch(raw_color, at + 1), c = fetch(raw_color, at + width),
+         d = fetch(raw_color, at + width + 1);
     ivec3 rgb = ivec3(mix(mix(levels_of(a), levels_of(b), f.x), mix(levels_of(c), levels_of(d), f.x), f.y) + 0.5);
     // No color next to pixels without color.
     uint word = uint(rgb.r | (rgb.g << 8) | (rgb.b << 16)) | (a & b & c & d & 0xff000000u);
-    colour[i] = inside || !is_rolling ? word : 0xff000000u;
+    color[i] = inside || !is_rolling ? word : 0xff000000u;
   }
 }

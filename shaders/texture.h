@@ -19,7 +19,7 @@ const uint kNoView = 0xffffffffu;
 struct Texel {     // a point under a texel
   vec3 position;   // meters, world
   uint normal;     // packed; 0: no point
-  uint colour;     // color without views; bytes R, G, B
+  uint color;     // color without views; bytes R, G, B
 };
 
 struct TextureView {
@@ -33,7 +33,7 @@ struct TextureView {
 };
 
 // Corrections of the color camera relative to the depth camera to which its images are registered.
-struct ColourCamera {
+struct ColorCamera {
   vec3 rotation;   // small rotation, rad
   vec3 translation;  // meters
   float focal_scale;  // focal length factor; 1: equal focal lengths
@@ -46,14 +46,14 @@ struct TexturePreparePush {
 struct TextureBlendPush {
   Pinhole camera;
   uint tiles;
-  ColourCamera colour;
+  ColorCamera color;
   uint views;       // number of TextureView
   float tolerance;  // meters in addition to the noise, maximum depth of a surface behind the measurement
 };
 
 struct TextureSamplePush {
   Pinhole camera;
-  ColourCamera colour;
+  ColorCamera color;
   uint points;
   float tolerance;
   uint sharp;  // 1: full colors; 0: low frequencies only
@@ -90,48 +90,48 @@ const float kExposure = 0.01;  // seconds, typical for an indoor image
 
 // Weight of a view for a point: its texels per square meter, reduced for motion blur and at depth edges and image
 // borders. 0: the point is not visible. `pixel` is in the color image, which was taken `delay` later.
-float view_weight(TextureView view, Pinhole camera, ColourCamera colour, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
+float view_weight(TextureView view, Pinhole camera, ColorCamera color, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
   vec3 p = transform(view.camera_from_world, position), moving = view.velocity + cross(view.turn_rate, p);
   vec3 later = p - view.delay * moving;
-  later += cross(colour.rotation, later) + colour.translation;
+  later += cross(color.rotation, later) + color.translation;
   float z = max(p.z, 0.05);
   vec2 last = vec2(camera.width - 1u, camera.height - 1u) - 0.001;
-  vec2 in_depth = project(camera, vec3(p.xy, z)), in_colour = project(camera, vec3(colour.focal_scale * later.xy, max(later.z, 0.05)));
-  pixel = clamp(in_colour, vec2(0.0), last);
+  vec2 in_depth = project(camera, vec3(p.xy, z)), in_color = project(camera, vec3(color.focal_scale * later.xy, max(later.z, 0.05)));
+  pixel = clamp(in_color, vec2(0.0), last);
   vec2 measured = clamp(in_depth, vec2(0.0), last);
   ivec2 nearest = ivec2(measured + 0.5);
   vec2 seen = unpackHalf2x16(ViewPixels(view.pixels).v[uint(nearest.y) * camera.width + uint(nearest.x)].x);
   float cosine = -dot(rotate(view.camera_from_world, normal), p) / length(p);
-  bool inside = p.z > 0.05 && in_colour == pixel && in_depth == measured && seen.x > 0.0 && cosine > 0.1 &&
+  bool inside = p.z > 0.05 && in_color == pixel && in_depth == measured && seen.x > 0.0 && cosine > 0.1 &&
                 abs(z - seen.x) < tolerance + 3.0 * depth_noise(z);
   vec2 blur = vec2(camera.fx, camera.fy) / z * (moving.xy - p.xy / z * moving.z) * kExposure;  // pixels
   float sharp = 1.0 / (1.0 + dot(blur, blur));
   return inside ? seen.y * sharp * cosine * cosine / max(z * z, 0.25) : 0.0;
 }
 
-vec3 colour_of(uint word) { return unpackUnorm4x8(word).rgb; }
+vec3 color_of(uint word) { return unpackUnorm4x8(word).rgb; }
 
 // Bilinear.
-vec3 sharp_colour(TextureView view, Pinhole camera, vec2 pixel) {
+vec3 sharp_color(TextureView view, Pinhole camera, vec2 pixel) {
   uvec2 corner = uvec2(pixel);
   vec2 f = pixel - vec2(corner);
   uint i = corner.y * camera.width + corner.x;
   ViewPixels pixels = ViewPixels(view.pixels);
-  vec3 above = mix(colour_of(pixels.v[i].y), colour_of(pixels.v[i + 1u].y), f.x);
-  vec3 below = mix(colour_of(pixels.v[i + camera.width].y), colour_of(pixels.v[i + camera.width + 1u].y), f.x);
+  vec3 above = mix(color_of(pixels.v[i].y), color_of(pixels.v[i + 1u].y), f.x);
+  vec3 below = mix(color_of(pixels.v[i + camera.width].y), color_of(pixels.v[i + camera.width + 1u].y), f.x);
   return view.gain * mix(above, below, f.y);
 }
 
 // Pixel (i, j) of the blurred image is the mean around the center of the block of 4 x 4 that starts at 4 (i, j).
-vec3 smooth_colour(TextureView view, Pinhole camera, vec2 pixel) {
+vec3 smooth_color(TextureView view, Pinhole camera, vec2 pixel) {
   uvec2 size = uvec2(camera.width >> 2, camera.height >> 2);
   vec2 at = clamp((pixel - 1.5) * 0.25, vec2(0.0), vec2(size - 1u) - 0.001);
   uvec2 corner = uvec2(at);
   vec2 f = at - vec2(corner);
   uint i = corner.y * size.x + corner.x;
   ViewBlurred pixels = ViewBlurred(view.blurred);
-  vec3 above = mix(colour_of(pixels.v[i]), colour_of(pixels.v[i + 1u]), f.x);
-  vec3 below = mix(colour_of(pixels.v[i + size.x]), colour_of(pixels.v[i + size.x + 1u]), f.x);
+  vec3 above = mix(color_of(pixels.v[i]), color_of(pixels.v[i + 1u]), f.x);
+  vec3 below = mix(color_of(pixels.v[i + size.x]), color_of(pixels.v[i + size.x + 1u]), f.x);
   return view.gain * mix(above, below, f.y);
 }
 #endif

@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push { TextureBlendPush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
 layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
 layout(binding = 2, scalar) readonly buffer Chosen { uvec2 chosen[]; };
-layout(binding = 3, scalar) writeonly buffer Colours { uint colours[]; };  // alpha 0: visible in no view
+layout(binding = 3, scalar) writeonly buffer Colors { uint colors[]; };  // alpha 0: visible in no view
 
 const float kDiffers = 0.1;  // color difference, in 0..1, at which the confidence is a quarter
 
@@ -26,13 +26,13 @@ void main() {
     uint v = chosen[tile * kTileViews + k].y;
     if (v == kNoView) break;
     TextureView view = views[v];
-    float w = view_weight(view, push.camera, push.colour, texel.position, normal, push.tolerance, pixel);
-    mean += w * smooth_colour(view, push.camera, pixel);
+    float w = view_weight(view, push.camera, push.color, texel.position, normal, push.tolerance, pixel);
+    mean += w * smooth_color(view, push.camera, pixel);
     total += w;
     best = max(best, w);
   }
   if (texel.normal == 0u || total == 0.0) {
-    colours[i] = texel.colour & 0xffffffu;
+    colors[i] = texel.color & 0xffffffu;
     return;
   }
   mean /= total;
@@ -42,15 +42,15 @@ void main() {
     uint v = chosen[tile * kTileViews + k].y;
     if (v == kNoView) break;
     TextureView view = views[v];
-    float w = view_weight(view, push.camera, push.colour, texel.position, normal, push.tolerance, pixel);
-    vec3 smooth_c = smooth_colour(view, push.camera, pixel), d = (smooth_c - mean) / kDiffers;
+    float w = view_weight(view, push.camera, push.color, texel.position, normal, push.tolerance, pixel);
+    vec3 smooth_c = smooth_color(view, push.camera, pixel), d = (smooth_c - mean) / kDiffers;
     float confidence = 1.0 / (1.0 + dot(d, d));
     confidence *= confidence;
     float share = w / best, share2 = share * share, sharp = share2 * share2 * share2 * confidence;
     low += w * confidence * smooth_c;
     low_total += w * confidence;
-    high += sharp * (sharp_colour(view, push.camera, pixel) - smooth_c);
+    high += sharp * (sharp_color(view, push.camera, pixel) - smooth_c);
     high_total += sharp;
   }
-  colours[i] = packUnorm4x8(vec4(low / low_total + high / max(high_total, 1e-12), 1.0));
+  colors[i] = packUnorm4x8(vec4(low / low_total + high / max(high_total, 1e-12), 1.0));
 }

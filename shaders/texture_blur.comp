@@ -24,8 +24,8 @@ void main() {
     uvec2 word = pixels[uint(p.y) * push.camera.width + uint(p.x)];
     float there = unpackHalf2x16(word.x).x;
     float w = z == 0.0 || abs(there - z) < reach ? 1.0 : 0.0;
-    sum += w * colour_of(word.y);
+    sum += w * color_of(word.y);
     total += w;
   }
-  blurred[i] = packUnorm4x8(vec4(total > 0.0 ? sum / total : colour_of(middle.y), 1.0));
+  blurred[i] = packUnorm4x8(vec4(total > 0.0 ? sum / total : color_of(middle.y), 1.0));
 }

@@ -13,7 +13,7 @@ layout(binding = 1, scalar) readonly buffer Model { uvec2 model[]; };  // raycas
                                                                        // bits
 layout(binding = 2, scalar) writeonly buffer Pixels { uvec2 pixels[]; };
 
-const int kNear = 2, kFar = 5;  // pixels
+const int kNearOffset = 2, kFarOffset = 5;  // pixels
 const float kBorder = 24.0;     // pixels
 
 float depth_at(ivec2 p) {
@@ -37,14 +37,14 @@ void main() {
   bool near = false, far = false;
   for (int k = 0; k < 4; ++k) {
     ivec2 direction = ivec2(k == 1 ? 0 : 1, k == 0 ? 0 : k == 3 ? -1 : 1);
-    near = near || breaks(p, kNear * direction, z, jump);
-    far = far || breaks(p, kFar * direction, z, jump);
+    near = near || breaks(p, kNearOffset * direction, z, jump);
+    far = far || breaks(p, kFarOffset * direction, z, jump);
   }
   ivec2 to_border = min(p, ivec2(push.camera.width, push.camera.height) - 1 - p);
   float confidence = clamp(float(min(to_border.x, to_border.y)) / kBorder, 0.02, 1.0);
   confidence *= near ? 0.02 : far ? 0.2 : 1.0;
   // Overexposed pixels have lost their color.
-  vec3 c = colour_of(word.y);
+  vec3 c = color_of(word.y);
   confidence *= min(min(c.r, c.g), c.b) > 0.985 ? 0.1 : 1.0;
   uvec2 half_size = uvec2(push.camera.width >> 1, push.camera.height >> 1);
   uvec2 h = min(uvec2(p) >> 1, half_size - 1u);

@@ -73,7 +73,7 @@ const uint kAtWork = 0u, kDone = 1u, kAgain = 2u;                    // AlignSta
 // reductions. It also holds the indirect dispatch sizes: levels that are finished dispatch no groups.
 struct AlignState {
   Rigid model_from_live;
-  Rigid model_from_undone;  // pose assumed by the rolling shutter correction
+  Rigid model_from_corrected;  // pose assumed by the rolling shutter correction
   float readout;            // readout time of the rows, as a share of the time since the previous frame
   float gain, bias, sigma;  // keyframe brightness = gain * live + bias; sigma of the residuals, brightness in 0..1
   uint stride;              // pixels; every stride-th pixel of a row and a column is used
@@ -108,12 +108,12 @@ struct PoseStepPush {
   uint finest;  // finest level
   uint has_coarser;  // 1: levels coarser than the finest exist
   uint has_brightness;
-  uint most;          // maximum number of iterations of the level
-  uint groups;        // workgroups of the level's sums
-  uint next_groups;   // workgroups of the next finer level's sums
-  uint clock_groups;  // workgroups of the sums for the costs of clocks
-  float pixels;       // of the level
-  float converged;    // radians and meters; smaller steps end the iteration
+  uint max_iterations;  // maximum number of iterations of the level
+  uint groups;          // workgroups of the level's sums
+  uint next_groups;     // workgroups of the next finer level's sums
+  uint clock_groups;    // workgroups of the sums for the costs of clocks
+  float pixels;         // of the level
+  float converged;      // radians and meters; smaller steps end the iteration
   float converged_sparse;  // same with a stride
 };
 
@@ -124,7 +124,7 @@ struct MovingJudgePush {
 };
 
 // Flags of a pixel: in front of the map by more than the noise; in the keyframe's free space.
-const uint kStandsInFront = 1u;
+const uint kInFrontOfMap = 1u;
 const uint kSeenThrough = 2u;
 
 struct MovingMaskPush {
@@ -132,7 +132,7 @@ struct MovingMaskPush {
   uint height;
   uint factor;  // pixels of the fusion image per pixel of this level, along a side
   uint full_width;
-  uint most;  // maximum number of moving pixels
+  uint max_count;  // maximum number of moving pixels
   uint only_count;
 };
 

@@ -21,9 +21,9 @@ POOL(5);
 // A single 64-bit store instead of two of 32 bits: half the memory cost on a CPU device.
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
 
-const float kMaxColourWeight = 32.0;
+const float kMaxColorWeight = 32.0;
 const float kSigmas = 3.0;      // plus a voxel, maximum disagreement of two views of the same side
-const float kLeastTrust = 0.1;  // for twice that distance behind the surface
+const float kMinTrust = 0.1;  // for twice that distance behind the surface
 
 // Conversions go through int: CPU devices have no vector instruction for unsigned conversions.
 vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rgb >> 16) & 0xffu)); }
@@ -38,10 +38,10 @@ void main() {
   vec3 step_x = camera_from_submap.x * voxel_size, step_y = camera_from_submap.y * voxel_size,
        step_z = camera_from_submap.z * voxel_size;
   WideVoxels voxels = WideVoxels(push.voxels);
-  vec2 focal = vec2(push.camera.fx, push.camera.fy), centre = vec2(push.camera.cx, push.camera.cy) + 0.5;
+  vec2 focal = vec2(push.camera.fx, push.camera.fy), center = vec2(push.camera.cx, push.camera.cy) + 0.5;
   int width = int(push.camera.width), height = int(push.camera.height);
   float max_weight = push.max_weight;
-  bool has_colour = push.has_colour != 0u;
+  bool has_color = push.has_color != 0u;
   // Nothing is integrated behind the farthest measurement plus the truncation. Slightly enlarged; the exact test uses
   // the distances.
   float farthest = 1.001 * (brick.farthest + push.truncation);
@@ -60,7 +60,7 @@ void main() {
     uint end = step_z.z < 0.0 ? 8u : uint(clamp(ceil(along), 0.0, 8.0));
     p += float(int(begin)) * step_z;
     for (uint k = begin; k < end; ++k, p += step_z) {
-      vec2 pixel = focal * p.xy * (1.0 / p.z) + centre;
+      vec2 pixel = focal * p.xy * (1.0 / p.z) + center;
       bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
       uvec2 measured = inside ? fetch(fusion, int(pixel.y) * width + int(pixel.x)) : uvec2(0);
       float z = uintBitsToFloat(measured.x);
@@ -73,7 +73,7 @@ void main() {
         // Opposite signs may mean that a thin sheet was seen from both sides: the value far behind the surface then
         // loses its weight to the value of the other side.
         float behind = -min(d, sdf) * push.truncation, near = voxel_size + kSigmas * depth_noise(z);
-        float trust = d * sdf < 0.0 ? clamp(2.0 - behind / near, kLeastTrust, 1.0) : 1.0;
+        float trust = d * sdf < 0.0 ? clamp(2.0 - behind / near, kMinTrust, 1.0) : 1.0;
         weight *= sdf < 0.0 ? trust : 1.0;
         old_weight *= d < 0.0 ? trust : 1.0;
         float sum = old_weight + weight;
@@ -83,11 +83,11 @@ void main() {
         differs |= (word ^ old.x) & 0xffffu;
         differs |= old.x < 0x10000u ? 1u : 0u;  // first observation
         uint rgb = old.y;
-        if (has_colour && sdf < 1.0 && measured.y >= 0x1000000u) {
+        if (has_color && sdf < 1.0 && measured.y >= 0x1000000u) {
           float n = float(int(rgb >> 24));
           vec3 mean = channels(rgb);
           mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;
-          rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColourWeight)) << 24));
+          rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColorWeight)) << 24));
         }
         voxels.v[at + k] = pack64(uvec2(word, rgb));
       }

@@ -7,7 +7,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 
-#include "cairn/camera.hpp"
+#include "cairn/mapping/camera.hpp"
 namespace cairn::shader {
 using uint = std::uint32_t;
 /// N numbers without padding, copied as bytes; Eigen's own types are not trivially copyable.
@@ -33,7 +33,7 @@ using uvec2 = Pair<uint>;
 #define constexpr  // qualifier of functions shared with C++
 #endif
 
-struct Pinhole {  // pixels; see cairn/camera.hpp
+struct Pinhole {  // pixels; see cairn/mapping/camera.hpp
   uint width;
   uint height;
   float fx;

@@ -17,7 +17,7 @@ void main() {
   int at = 2 * (p.y * fine_width + p.x);
   uvec2 a = fetch(fine, at), b = fetch(fine, at + 1), c = fetch(fine, at + fine_width), d = fetch(fine, at + fine_width + 1);
   vec4 z = uintBitsToFloat(uvec4(a.x, b.x, c.x, d.x));
-  vec4 same = at_one_place(z);
+  vec4 same = on_same_surface(z);
   vec3 n = same.x * unpack_normal(a.y) + same.y * unpack_normal(b.y) + same.z * unpack_normal(c.y) + same.w * unpack_normal(d.y);
   float depth = mean_depth(z, same);
   coarse[p.y * width + p.x] = depth > 0.0 ? uvec2(floatBitsToUint(depth), pack_normal(n / max(length(n), 1e-12))) : uvec2(0);

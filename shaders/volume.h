@@ -72,7 +72,7 @@ struct TsdfIntegratePush {
   uvec2 voxels;
   Pinhole camera;
   Rigid camera_from_submap;
-  uint has_colour;
+  uint has_color;
   float voxel_size;
   float truncation;
   float max_weight;
@@ -103,14 +103,14 @@ struct RaycastPush {
 struct FusionCounts {
   Groups placed;     // listed bricks: a workgroup each
   Groups fused;      // selected bricks: folded, see group_index
-  Groups looked_at;  // partly free bricks: a workgroup per kPartsAGroup
+  Groups carved;  // partly free bricks: a workgroup per kPartsAGroup
   uint missing;      // bricks needed by the frame and not on the device
   uint waiting;      // subset without a slot or on the host: the pass then integrates nothing
   uint selected;
   uint free;          // completely free bricks
   uint free_in_part;  // possibly partly free bricks
 };
-const uint kMostGroups = 65535u;  // limit along x guaranteed by all devices
+const uint kMaxGroups = 65535u;  // limit along x guaranteed by all devices
 
 struct Selected {
   uint slot;
@@ -176,7 +176,7 @@ struct TileRange {
   uvec2 first;
   uvec2 last;
   bool is_in_view;
-  bool is_whole;  // completely in view
+  bool is_fully_in_view;  // completely in view
 };
 TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float far) {
   vec2 f = vec2(camera.fx, camera.fy), c = vec2(camera.cx, camera.cy);
@@ -184,8 +184,9 @@ TileRange tiles_of_box(Pinhole camera, vec2 low, vec2 high, float near, float fa
   vec2 to = f * high / mix(vec2(near), vec2(far), lessThan(high, vec2(0.0))) + c;
   vec2 size = vec2(camera.width, camera.height);
   bool is_outside = any(lessThan(to, vec2(0.0))) || any(greaterThanEqual(from, size));
-  bool is_whole = all(greaterThanEqual(from, vec2(0.0))) && all(lessThan(to, size));
-  return TileRange(uvec2(max(from, vec2(0.0))) / kTile, uvec2(min(to, size - 1.0)) / kTile, !is_outside, is_whole);
+  bool is_fully_in_view = all(greaterThanEqual(from, vec2(0.0))) && all(lessThan(to, size));
+  return TileRange(uvec2(max(from, vec2(0.0))) / kTile, uvec2(min(to, size - 1.0)) / kTile, !is_outside,
+                   is_fully_in_view);
 }
 
 VolumeView local(VolumeView v) {  // see types.h

@@ -19,11 +19,11 @@ const float kWeightUnits = 256.0f;
 constexpr uint distance_and_weight(int distance, int weight) { return (uint(distance) & 0xffffu) | (uint(weight) << 16); }
 
 #ifdef __cplusplus
-/// Packs a distance in truncations and a weight in observations; `colour` is the word y.
-inline std::uint64_t pack_voxel(float distance, float weight, uint colour = 0) {
+/// Packs a distance in truncations and a weight in observations; `color` is the word y.
+inline std::uint64_t pack_voxel(float distance, float weight, uint color = 0) {
   return distance_and_weight(static_cast<int>(std::lround(distance * kDistanceUnits)),
                              static_cast<int>(std::lround(weight * kWeightUnits))) |
-         std::uint64_t{colour} << 32;
+         std::uint64_t{color} << 32;
 }
 inline float voxel_distance(std::uint64_t voxel) {  // truncations
   return static_cast<float>(static_cast<std::int16_t>(voxel & 0xffff)) / kDistanceUnits;
@@ -37,7 +37,7 @@ inline float voxel_weight(std::uint64_t voxel) {  // observations
 float voxel_distance(uint word) { return float(bitfieldExtract(int(word), 0, 16)) * (1.0 / kDistanceUnits); }  // truncations
 float voxel_weight(uint word) { return float(int(word >> 16)) * (1.0 / kWeightUnits); }  // observations
 // Minimum weight, in units, of voxels with at least this number of observations.
-uint least_weight(float observations) { return max(1u, uint(observations * kWeightUnits)); }
+uint min_weight_units(float observations) { return max(1u, uint(observations * kWeightUnits)); }
 #endif
 
 #endif

@@ -17,7 +17,6 @@ endif()
 # Tests that run separately, with their approximate time in seconds. From 5 s on a test is slow; the longest start
 # first.
 set(single
-    "^BackEnd\\.(FindsTheWayBack|IsNotTakenIn)" 40
     "^Real/Recording\\." 60
     "^VerdictOfARecording\\." 10
     "^Calibrate\\." 25
@@ -28,17 +27,20 @@ set(single
     "^Live\\." 12
     "^Record\\." 5
     "^Esdf\\.EqualsARebuildAllAlongARecording" 40
-    "^GrowingSurface\\.IsInTheEnd" 15
-    "^Refine\\.TakesTheDriftOut" 10
     "PoseGraphBenchmark\\." 10
-    "^EvaluateTrajectory\\.AgreesWithTheTumBenchmarkTools|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns" 1)
+    "^EvaluateTrajectory\\.AgreesWithTheTumBenchmarkTools|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Undoes" 1)
 # Suites with a long total time: their shared setup takes longer than the tests.
-set(long_suites Numbers 60 Signals 30 GivenPoses 15 Inputs 30 Disk/FaultsOfARun 60 Faults 30 Outputs 90 Ending 40 Bundle 40 VerdictOfARoom 10 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15
-                ImageSizesAtTheirLimits 10 SessionFiles 10 Each/WrittenLayout 30 Views 40 ViewedMap 40 Layouts 8 Convert 8 ZipRecording 8)
-set(data "^Real/Recording\\.|^VerdictOfARecording|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Turns")
-set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording)$")
+set(long_suites Numbers 50 Signals 35 GivenPoses 15 Inputs 30 Disk/FaultsOfARun 35 Faults 45 Outputs 50 Ending 30 Bundle 40
+                VerdictOfARoom 10 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15 ImageSizesAtTheirLimits 10
+                SessionFiles 10 Each/WrittenLayout 45 Views 40 ViewedMap 30 Layouts 8 Convert 8 ZipRecording 8 CommandLine 40
+                MapOfParts 40 PosesOfARecording 20 PosesOfARoom 15 FloorPlan 20 BackEnd 20 Esdf 15 Stands 15 JudgedMap 15 Rig 15
+                WrittenSigma 15 All/EveryScene 12 ChangedRoom 10 IncrementalMesher 10 Refine 10 LoggedRun 9 Change 8 HeldOutFrames 8
+                ReturnToStart 8 LiveSource 8 HardTimes 7 Finish 7 FreeSpace 7 Tracker 7 GraphScheduler 7 PlannedBuilding 6
+                TiltedRoom 6)
+set(data "^Real/Recording\\.|^VerdictOfARecording|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Undoes")
+set(program "^(Program|Session|Export|Live|Record|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|CommandLine|MapOfParts|PlannedBuilding|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording)$")
 # Tests that measure time or depend on concurrent threads: run alone.
-set(alone "^Live\\.Follows|^Record\\.|^LiveSource")
+set(alone "^Live\\.MapsASensor|^Record\\.|^LiveSource")
 # Suites of kernels with sums in subgroups.
 set(kernels Align IcpReduce PhotometricReduce Tracker Device)
 

@@ -4,7 +4,7 @@
 import uPlot from 'uplot';
 import { element } from './dom.js';
 
-const kColours = ['#6ea2ff', '#49c282', '#e0a32e', '#ff7b7f', '#b490f0', '#4cc7da', '#e086b8', '#aab2bb'];
+const kColors = ['#6ea2ff', '#49c282', '#e0a32e', '#ff7b7f', '#b490f0', '#4cc7da', '#e086b8', '#aab2bb'];
 const kStages = ['preprocess', 'raycast', 'track', 'fuse', 'keyframe', 'esdf', 'esdf to host'];
 const kLost = '#ff5d5d';
 
@@ -26,7 +26,7 @@ function chart(title, words, frames, series, unit, lost = []) {
     scales: { x: { time: false }, y: { range: (_, low, high) => [0, Math.max(high, 1) * 1.05] } },
     axes: [axis, { ...axis, size: 68, values: (_, values) => values.map((v) => `${v} ${unit}`) }],
     series: [{ label: 'frame', value: (_, v) => (v == null ? '' : String(v)) }, ...series.map(({ label }, i) => (
-      { label, stroke: kColours[i % kColours.length], width: 1, points: { show: false }, value: (_, v) => number(v) }))],
+      { label, stroke: kColors[i % kColors.length], width: 1, points: { show: false }, value: (_, v) => number(v) }))],
     hooks: { draw: [(made) => drawMarks(made, lost)] },
   }, [frames, ...series.map(({ values }) => values)], holder);
   new ResizeObserver(() => { if (holder.clientWidth > 0) plot.setSize({ width: holder.clientWidth, height: 160 }); }).observe(holder);

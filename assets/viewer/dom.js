@@ -23,27 +23,27 @@ export function setStatus(status, words) {
 
 /** Buttons of every map view. */
 export function viewButtons(scene) {
-  const look = element('button', { onclick: () => show(scene.look === 'colour' ? 'shape' : 'colour') });
+  const look = element('button', { onclick: () => show(scene.look === 'color' ? 'shape' : 'color') });
   const show = (name) => {
     scene.setLook(name);
-    look.textContent = name === 'colour' ? 'Show shape' : 'Show colour';
+    look.textContent = name === 'color' ? 'Show shape' : 'Show color';
   };
-  show('colour');
+  show('color');
   return [look, element('button', { onclick: () => { scene.setFollow(false); scene.lookAtAll(); } }, 'Show all')];
 }
 
 /** A labeled slider; `show(value)` formats its value. `set(value)` moves it without calling `input`. */
 export function slider({ label, min = 0, max = 1, step = 0.01, value = min, show = String, input }) {
   const range = element('input', { type: 'range', min, max, step, value });
-  const told = element('output');
-  const tell = () => {
-    told.textContent = show(Number(range.value));
-    range.setAttribute('aria-valuetext', told.textContent);
+  const output = element('output');
+  const update = () => {
+    output.textContent = show(Number(range.value));
+    range.setAttribute('aria-valuetext', output.textContent);
   };
-  range.addEventListener('input', () => { tell(); input(Number(range.value)); });
-  tell();
-  const whole = element('label', { className: 'slider' }, element('span', {}, label), range, told);
-  return Object.assign(whole, { range, set: (to) => { range.value = to; tell(); } });
+  range.addEventListener('input', () => { update(); input(Number(range.value)); });
+  update();
+  const container = element('label', { className: 'slider' }, element('span', {}, label), range, output);
+  return Object.assign(container, { range, set: (to) => { range.value = to; update(); } });
 }
 
 /** Radio buttons: `options` are [value, words]. */

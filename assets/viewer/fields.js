@@ -13,7 +13,7 @@ export function readFields(buffer) {
   const array = (i) => new Uint8Array(buffer, kHeader + i * cells, cells);
   const origin = [f32(5), f32(6), f32(7)], spacing = f32(8), maxDistance = f32(9);
   const fields = { size: [nx, ny, nz], origin, spacing, maxDistance, distance: array(0), weight: array(1), sigma: array(2) };
-  fields.metres = (byte) => (byte === 0 ? null : (byte - 128) / 127 * maxDistance);
+  fields.meters = (byte) => (byte === 0 ? null : (byte - 128) / 127 * maxDistance);
   /** Value of the cell at a position of the map; if it is empty, the maximum of the adjacent cells. */
   fields.at = (values, x, y, z) => {
     const i = Math.round((x - origin[0]) / spacing), j = Math.round((y - origin[1]) / spacing), k = Math.round((z - origin[2]) / spacing);

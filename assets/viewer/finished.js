@@ -50,14 +50,14 @@ async function showTiles(scene, { tileset }, panel) {
   const tiles = new Tiles(tileset, { adopt: (mesh) => scene.adopt(mesh), show: (mesh) => { mesh.material = scene.materialOf(mesh); } });
   tiles.onFailed = () => {
     tiles.onFailed = null;  // reports only the first failure
-    panel.prepend(element('div', { className: 'warning' }, `Something of it is not shown: ${tiles.failed[0]}`));
+    panel.prepend(element('div', { className: 'warning' }, `Some tiles are not shown: ${tiles.failed[0]}`));
   };
   tiles.update(scene.camera, scene.renderer);
   await tiles.known;
   scene.setTiles(tiles);
   scene.lookAtAll();
   scene.begin();
-  while (!tiles.isWhole) await new Promise(requestAnimationFrame);
+  while (!tiles.isComplete) await new Promise(requestAnimationFrame);
 }
 
 export async function showFinished(scene, data, fold) {
@@ -90,5 +90,5 @@ export async function showFinished(scene, data, fold) {
   if (!isSeen) await seen();
   addTools(scene, data, fieldsOf(data), fold);
   await scene.shown();
-  performance.mark('whole');
+  performance.mark('complete');
 }

@@ -4,21 +4,21 @@
 import { element } from './dom.js';
 import { icon } from './icons.js';
 
-const kWide = 1000;  // minimum window width in pixels for an open panel
-const kKept = 'cairn-panel';
+const kMinOpenWidth = 1000;  // minimum window width in pixels for an open panel
+const kStorageKey = 'cairn-panel';
 
 /** Stored state; null if storage is disabled in the browser. */
-function kept() {
+function stored() {
   try {
-    return localStorage.getItem(kKept);
+    return localStorage.getItem(kStorageKey);
   } catch {
     return null;
   }
 }
 
-function keep(value) {
+function store(value) {
   try {
-    localStorage.setItem(kKept, value);
+    localStorage.setItem(kStorageKey, value);
   } catch { /* not stored */ }
 }
 
@@ -34,10 +34,10 @@ export function foldingPanel() {
   };
   const fold = (open = panel.hidden) => {
     show(open);
-    keep(open ? 'open' : 'folded');
+    store(open ? 'open' : 'folded');
   };
   button.addEventListener('click', () => fold());
-  show(kept() ? kept() === 'open' : innerWidth >= kWide);
+  show(stored() ? stored() === 'open' : innerWidth >= kMinOpenWidth);
   return fold;
 }
 

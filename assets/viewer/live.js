@@ -11,19 +11,19 @@ import { readMessage } from './messages.js';
 import { Toolbar } from './toolbar.js';
 import { count } from './words.js';
 
-const kAgainAfter = 1000;  // milliseconds
+const kReconnectDelay = 1000;  // milliseconds
 
 /** Fills the side panel. */
 function makePanel() {
-  const colour = element('img', { alt: 'What the colour camera sees' }),
+  const color = element('img', { alt: 'What the color camera sees' }),
         depth = element('img', { alt: 'What the depth camera sees, near red, far blue' });
   const numbers = element('div'), details = element('div'), loops = element('ul', { className: 'loops' });
   document.getElementById('panel').replaceChildren(
-      element('div', { className: 'images' }, element('figure', {}, colour, element('figcaption', {}, 'Colour')),
+      element('div', { className: 'images' }, element('figure', {}, color, element('figcaption', {}, 'Color')),
               element('figure', {}, depth, element('figcaption', {}, 'Depth, near red'))),
       element('h2', {}, 'Now'), numbers,
       element('details', {}, element('summary', {}, 'Tracking in numbers'), details), element('h2', {}, 'Loops'), loops);
-  return { colour, depth, numbers, details, loops };
+  return { color, depth, numbers, details, loops };
 }
 
 /** Creates the overlay: a flash, the turn direction, and the legend of the coverage colors. */
@@ -43,8 +43,8 @@ function makeOverlay() {
 function aboutReset({ frames = {}, frames_before: before = 0 }) {
   const mapped = count(frames.fused ?? 0);
   return before > 0 ?
-      `Reset deletes what this run has added: ${mapped} frames, on the disk as well. The map of the runs before it, of ${count(before)} frames, stays, and this run goes on from there. Reset?` :
-      `Reset deletes the map of this run: ${mapped} frames, on the disk as well. It begins again with an empty one. Reset?`;
+      `Reset deletes the ${mapped} frames added by this run, also on disk. The map of earlier runs with ${count(before)} frames is kept, and this run continues from it. Reset?` :
+      `Reset deletes the map of this run with ${mapped} frames, also on disk, and starts an empty map. Reset?`;
 }
 
 /** `ask` sends a command to the program; `last` returns the newest state. */
@@ -59,12 +59,12 @@ function makeButtons(scene, toolbar, overlay, alerts, ask, last) {
   toolbar.add({ name: 'Show all of the map', label: 'All', key: '0', symbol: 'all', press: () => { scene.setFollow(false); scene.lookAtAll(); } });
   const looks = { coverage: null, shape: null };
   const look = (name) => {
-    scene.setLook(scene.look === name ? 'colour' : name);
+    scene.setLook(scene.look === name ? 'color' : name);
     for (const [of, button] of Object.entries(looks)) pressed(button, scene.look === of);
     overlay.legend.hidden = scene.look !== 'coverage';
   };
   looks.coverage = toolbar.add({ name: 'Coverage: how well it was seen', label: 'Coverage', key: 'c', symbol: 'coverage', press: () => look('coverage') });
-  looks.shape = toolbar.add({ name: 'Shape without colours', label: 'Shape', key: 's', symbol: 'shape', press: () => look('shape') });
+  looks.shape = toolbar.add({ name: 'Shape without colors', label: 'Shape', key: 's', symbol: 'shape', press: () => look('shape') });
   for (const button of Object.values(looks)) pressed(button, false);
   const sound = toolbar.add({ name: 'Sound and vibration when the camera is lost', label: 'Sound', key: 'a', symbol: 'sound', press: () => { alerts.set(!alerts.isOn); pressed(sound, alerts.isOn); } });
   pressed(sound, alerts.isOn);
@@ -94,7 +94,7 @@ function showNumbers(panel, state, triangles) {
         ['Surface', `${count(triangles)} triangles`], ['Keyframes', count(state.keyframes ?? 0)], ['Submaps', count(state.submaps ?? 1)],
         ['Memory', `${state.memory_mb.toFixed(0)} MB`],
       ]),
-      ...(state.skipped_to_keep_up > 0 ? [element('p', { className: 'hint' }, 'Skipped to keep up: frames that came while the computer was busy with one before. The map does not lag behind.')] : []));
+      ...(state.skipped_to_keep_up > 0 ? [element('p', { className: 'hint' }, 'Skipped to keep up: frames that arrived while the computer was busy. The map does not lag behind.')] : []));
   panel.details.replaceChildren(facts([
     ...(last.inlier_share == null ? [] : [['Inliers', percent(last.inlier_share)], ['Error of inliers', `${last.rmse.toFixed(1)} sigma`]]),
     ...(last.near == null ? [] : [['Too near', percent(last.near)], ['Too far', percent(last.far)], ['Without depth', percent(last.empty)]]),
@@ -171,7 +171,7 @@ export function showLive(scene, fold) {
     newest = message;
     showState(message, scene, panel, overlay, buttons);
     const isLost = message.status === 'lost';
-    if (isLost !== wasLost && (isLost || message.status !== 'paused')) alerts.tell(isLost ? 'lost' : 'found');
+    if (isLost !== wasLost && (isLost || message.status !== 'paused')) alerts.notify(isLost ? 'lost' : 'found');
     wasLost = isLost;
     if (message.data) finish(message.data).catch((error) => setStatus('gone', `The finished map cannot be shown: ${error.message}`));
   };
@@ -180,7 +180,7 @@ export function showLive(scene, fold) {
     if (isOver) return;
     if (message.kind === 'image') {
       showImage(panel[message.of], message.jpeg);
-      if (message.of === 'colour' && !wasLost) showImage(overlay.picture, message.jpeg);  // reference view while lost
+      if (message.of === 'color' && !wasLost) showImage(overlay.picture, message.jpeg);  // reference view while lost
     } else if (!isNew(message)) return;
     else if (message.kind === 'part') scene.setPart(message);
     else scene.setPath(message.points);
@@ -194,7 +194,7 @@ export function showLive(scene, fold) {
     socket.onclose = () => {
       if (isOver) return;
       setStatus('gone', 'The program has ended or cannot be reached; trying again');
-      setTimeout(connect, kAgainAfter);
+      setTimeout(connect, kReconnectDelay);
     };
   };
   connect();

@@ -5,19 +5,19 @@ import * as THREE from 'three';
 import { choice, element } from './dom.js';
 import { icon } from './icons.js';
 import { Snap } from './snap.js';
-import { metres, squareMetres } from './words.js';
+import { meters, squareMeters } from './words.js';
 
-const kClick = 6;  // maximum pointer motion of a click in pixels
+const kMaxClickMotion = 6;  // maximum pointer motion of a click in pixels
 const kKinds = [['distance', 'Distance'], ['height', 'Height'], ['area', 'Area'], ['point', 'Point']];
-const kNeeded = { distance: 2, height: 2, point: 1, area: Infinity };
-const kColour = 0xffc531;
+const kPointCount = { distance: 2, height: 2, point: 1, area: Infinity };
+const kColor = 0xffc531;
 const kHints = {
   distance: 'Click two places. Near an edge or a corner the place snaps to it.',
-  height: 'Click two places: how much higher is one than the other?',
+  height: 'Click two places to measure their difference in height.',
   area: 'Click the corners of the area, then the first one again or “Close the area”.',
-  point: 'Click a place to read where it is.',
+  point: 'Click a place to read its coordinates.',
 };
-const kFound = { corner: 'a corner', edge: 'an edge', surface: 'the surface' };
+const kFeatureNames = { corner: 'a corner', edge: 'an edge', surface: 'the surface' };
 
 const areaOf = (points) => {
   const sum = new THREE.Vector3(), product = new THREE.Vector3();
@@ -30,9 +30,9 @@ const coordinates = ({ x, y, z }) => [x, -y, -z].map((v) => v.toFixed(3)).join('
 
 export function valueOf({ kind, points }) {
   switch (kind) {
-    case 'distance': return metres(points[0].distanceTo(points[1]));
-    case 'height': return metres(Math.abs(points[0].y - points[1].y));
-    case 'area': return squareMetres(areaOf(points));
+    case 'distance': return meters(points[0].distanceTo(points[1]));
+    case 'height': return meters(Math.abs(points[0].y - points[1].y));
+    case 'area': return squareMeters(areaOf(points));
     default: return coordinates(points[0]);
   }
 }
@@ -48,11 +48,11 @@ export class Measure {
     scene.element.append(this.labels, this.cross, this.cursor);
     this.kinds = choice('What to measure', kKinds, this.kind, (kind) => this.setKind(kind));
     this.hint = element('p', { className: 'hint' });
-    this.told = element('p', { className: 'told', aria: { live: 'polite' } });
+    this.status = element('p', { className: 'status', aria: { live: 'polite' } });
     this.list = element('ul', { className: 'measured' });
     this.close = element('button', { onclick: () => this.closeArea(), hidden: true }, 'Close the area');
     this.clear = element('button', { onclick: () => this.removeAll(), hidden: true }, 'Remove all');
-    this.body = element('div', {}, this.kinds, this.hint, this.close, this.told, this.list, this.clear);
+    this.body = element('div', {}, this.kinds, this.hint, this.close, this.status, this.list, this.clear);
     const canvas = scene.renderer.domElement;
     canvas.addEventListener('pointerdown', (event) => { this.pressed = [event.clientX, event.clientY]; });
     canvas.addEventListener('pointerup', (event) => this.onClick(event));
@@ -64,9 +64,9 @@ export class Measure {
 
   async start() {
     this.isOn = true;
-    this.told.textContent = 'Looking at the surface …';
+    this.status.textContent = 'Preparing the surface …';
     await this.surface.prepare();
-    this.told.textContent = '';
+    this.status.textContent = '';
   }
 
   /** Keeps the measurements in the view. */
@@ -91,11 +91,11 @@ export class Measure {
   }
 
   onMove(event) {
-    if (!this.isOn || event.buttons || event.pointerType !== 'mouse' || this.isLooking) return;
+    if (!this.isOn || event.buttons || event.pointerType !== 'mouse' || this.isSearching) return;
     this.cross.hidden = true;
-    this.isLooking = true;
+    this.isSearching = true;
     requestAnimationFrame(() => {
-      this.isLooking = false;
+      this.isSearching = false;
       const found = this.isOn && this.surface.parts.length > 0 ? this.snap.find(...this.at(event)) : null, at = found && this.snap.onScreen(found.point);
       this.cursor.hidden = !at;
       if (!at) return;
@@ -108,7 +108,7 @@ export class Measure {
     if (!this.isOn || !this.pressed || event.button !== 0) return;
     const moved = Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]);
     this.pressed = null;
-    if (moved > kClick) return;
+    if (moved > kMaxClickMotion) return;
     const at = this.at(event);
     await this.surface.prepare();
     this.take(...at);
@@ -116,16 +116,16 @@ export class Measure {
 
   take(x, y) {
     if (this.kind === 'area' && this.points.length > 2) {
-      if (this.snap.isMeant(this.points[0], 'corner', x, y)) return this.closeArea();
+      if (this.snap.isNearPointer(this.points[0], 'corner', x, y)) return this.closeArea();
     }
     const found = this.snap.find(x, y);
     if (!found) {
-      this.told.textContent = 'There is no surface.';
+      this.status.textContent = 'No surface at this pixel.';
       return;
     }
-    this.told.textContent = `Place ${this.points.length + 1}: on ${kFound[found.kind]}`;
+    this.status.textContent = `Place ${this.points.length + 1}: on ${kFeatureNames[found.kind]}`;
     this.points.push(found.point);
-    if (this.points.length >= kNeeded[this.kind]) this.finish();
+    if (this.points.length >= kPointCount[this.kind]) this.finish();
     else this.show();
   }
 
@@ -145,7 +145,7 @@ export class Measure {
     } }, icon('close'));
     measured.row = element('li', {}, element('span', {}, name), element('b', {}, value), remove);
     this.list.append(measured.row);
-    this.told.textContent = `${name}: ${value}`;
+    this.status.textContent = `${name}: ${value}`;
     this.show();
   }
 
@@ -153,7 +153,7 @@ export class Measure {
     this.done = [];
     this.points = [];
     this.list.replaceChildren();
-    this.told.textContent = '';
+    this.status.textContent = '';
     this.show();
   }
 
@@ -189,22 +189,22 @@ export class Measure {
   }
 
   showOne({ kind, points, isOpen }) {
-    const whole = kind === 'area' && !isOpen ? [...points, points[0]] : [...points];
+    const outline = kind === 'area' && !isOpen ? [...points, points[0]] : [...points];
     // A height is a vertical line, with a level line to the lower point.
     if (kind === 'height' && points.length === 2) {
       const [high, low] = points[0].y > points[1].y ? points : [points[1], points[0]];
-      whole.splice(0, 2, high, new THREE.Vector3(high.x, low.y, high.z), low);
+      outline.splice(0, 2, high, new THREE.Vector3(high.x, low.y, high.z), low);
     }
     const dots = new THREE.Points(new THREE.BufferGeometry().setFromPoints(points),
-                                  new THREE.PointsMaterial({ color: kColour, size: 9 * this.scene.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false }));
-    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(whole), new THREE.LineBasicMaterial({ color: kColour, depthTest: false }));
+                                  new THREE.PointsMaterial({ color: kColor, size: 9 * this.scene.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false }));
+    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(outline), new THREE.LineBasicMaterial({ color: kColor, depthTest: false }));
     for (const object of [line, dots]) {
       object.renderOrder = 10;
       object.frustumCulled = false;
     }
     this.group.add(line, dots);
     if (isOpen) return;
-    const middle = kind === 'height' ? whole[0].clone().lerp(whole[1], 0.5)
+    const middle = kind === 'height' ? outline[0].clone().lerp(outline[1], 0.5)
                                      : points.reduce((sum, p) => sum.add(p), new THREE.Vector3()).divideScalar(points.length);
     const label = element('span', { className: 'label' }, valueOf({ kind, points }));
     this.labels.append(label);

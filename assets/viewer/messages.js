@@ -20,13 +20,13 @@ export function readMessage(buffer) {
       return {
         kind: 'part', epoch: u32(1), submap: i32(2), cell: [i32(3), i32(4), i32(5)].join(' '),
         origin: [f32(6), f32(7), f32(8)], size: f32(9),
-        positions: take(Uint16Array, 4 * vertices), colours: take(Uint8Array, 4 * vertices),
+        positions: take(Uint16Array, 4 * vertices), colors: take(Uint8Array, 4 * vertices),
         normals: take(Int8Array, 4 * vertices),
         indices: vertices <= 0xffff ? take(Uint16Array, indices) : take(Uint32Array, indices),
       };
     }
     case kImage:
-      return { kind: 'image', of: u32(1) === 0 ? 'colour' : 'depth', jpeg: new Blob([new Uint8Array(buffer, 8)], { type: 'image/jpeg' }) };
+      return { kind: 'image', of: u32(1) === 0 ? 'color' : 'depth', jpeg: new Blob([new Uint8Array(buffer, 8)], { type: 'image/jpeg' }) };
     case kPath:
       return { kind: 'path', epoch: u32(1), points: new Float32Array(buffer, 12, 4 * u32(2)) };
     default:

@@ -3,7 +3,7 @@
 // Side panel of a finished map: verdict, files, facts, charts and parameters.
 import { charts } from './charts.js';
 import { element, facts } from './dom.js';
-import { bytes, count, millimetres, option, seconds as said } from './words.js';
+import { bytes, count, millimeters, option, seconds as said } from './words.js';
 
 export const kLevels = { good: 'good', weak: 'weak', bad: 'lost' };
 
@@ -18,15 +18,15 @@ export function framesInWords({ frames, seconds }) {
 /** Level of the verdict; good only without lost frames and warnings. */
 export function levelOf({ frames, verdict, warnings = [] }) {
   const share = frames.fused / Math.max(1, frames.total - (frames.held_out ?? 0));
-  const told = verdict ? kLevels[verdict.level] ?? 'weak' : share < 0.8 ? 'lost' : 'good';
-  return told === 'good' && (frames.lost > 0 || warnings.length > 0) ? 'weak' : told;
+  const level = verdict ? kLevels[verdict.level] ?? 'weak' : share < 0.8 ? 'lost' : 'good';
+  return level === 'good' && (frames.lost > 0 || warnings.length > 0) ? 'weak' : level;
 }
 
 /** The verdict's reasons include the warnings, with remedies; remaining warnings are appended. */
-function judgement({ verdict, warnings = [] }) {
-  const reasons = verdict?.reasons ?? [], told = [...reasons, ...warnings.filter((warning) => !reasons.some((reason) => reason.includes(warning)))];
+function verdictLines({ verdict, warnings = [] }) {
+  const reasons = verdict?.reasons ?? [], lines = [...reasons, ...warnings.filter((warning) => !reasons.some((reason) => reason.includes(warning)))];
   const words = verdict?.words ? [element('p', { className: `verdict ${kLevels[verdict.level] ?? 'weak'}` }, verdict.words)] : [];
-  return [...words, ...told.map((line) => element('div', { className: 'warning' }, line))];
+  return [...words, ...lines.map((line) => element('div', { className: 'warning' }, line))];
 }
 
 /** Evidence of the verdict, doubts first. */
@@ -43,7 +43,7 @@ function downloads(files) {
               ...(what ? [element('small', {}, what)] : [])))))];
 }
 
-const kSources = { accelerometer: 'by the accelerometer', structure: 'by floor and walls', option: 'as asked', poses: 'as the poses say', unknown: 'not known' };
+const kSources = { accelerometer: 'by the accelerometer', structure: 'by floor and walls', option: 'as given', poses: 'from the poses', unknown: 'not known' };
 
 function factsOf(report) {
   const { frames, mesh, options } = report, megabytes = (mb) => `${count(Math.round(mb))} MB`;
@@ -54,7 +54,7 @@ function factsOf(report) {
   if (mesh?.textures) list.push(['Texture', `${mesh.textures === 1 ? '1 image' : `${mesh.textures} images`}, ${Math.round(100 * mesh.textured_share)} % from keyframes`]);
   if (report.upright) list.push(['Upright', report.upright.words ?? kSources[report.upright.source] ?? report.upright.source]);
   else if (report.tilt_degrees != null) list.push(['Tilt against gravity', `${report.tilt_degrees.toFixed(2)}°`]);
-  if (report.surface_sigma) list.push(['Uncertainty', `${millimetres(report.surface_sigma.median_m)}, 95 % of the surface below ${millimetres(report.surface_sigma.p95_m)}`]);
+  if (report.surface_sigma) list.push(['Uncertainty', `${millimeters(report.surface_sigma.median_m)}, 95 % of the surface below ${millimeters(report.surface_sigma.p95_m)}`]);
   if (report.live)
     list.push(['Skipped to keep up', report.live.skipped_to_keep_up], ['Frame to pose, 95 %', `${report.live.latency_ms.p95.toFixed(0)} ms`]);
   list.push(['Peak memory', megabytes(report.peak_memory_mb)], ['Device', report.device]);
@@ -65,13 +65,13 @@ function factsOf(report) {
 function loopsOf({ loops }, begin) {
   if (loops.length === 0) return [];
   return [element('h2', {}, 'Loops'), element('ul', { className: 'loops' }, ...loops.map((loop) => element(
-      'li', { className: loop.inlier ? '' : 'refused', title: loop.inlier ? '' : 'Found, and refused' },
+      'li', { className: loop.inlier ? '' : 'refused', title: loop.inlier ? '' : 'Found and rejected' },
       `${said(loop.from - begin)} ↔ ${said(loop.to - begin)}, ${loop.corners} corners`)))];
 }
 
 export function fillPanel(panel, { name, report, verdict, files, mesh_left_out: leftOut, trajectory }) {
-  if (!report) return panel.append(element('h1', {}, name), ...judgement({ verdict }), ...downloads(files));  // a single file, or a plan
-  panel.append(element('h1', {}, name), ...judgement(report));
+  if (!report) return panel.append(element('h1', {}, name), ...verdictLines({ verdict }), ...downloads(files));  // a single file, or a plan
+  panel.append(element('h1', {}, name), ...verdictLines(report));
   if (leftOut) panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${leftOut}`));
   panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...evidenceOf(report), ...charts(report.per_frame ?? []),
                ...loopsOf(report, trajectory[0]?.[0] ?? 0), element('h2', {}, 'Parameters'), facts(Object.entries(report.options ?? {}).map(option)));

@@ -3,9 +3,9 @@
 // Camera path: positions over time, and stretches without poses.
 import * as THREE from 'three';
 
-const kGap = 8;  // times the usual pose interval; a longer interval is a stretch without poses
+const kMinGap = 8;  // times the median pose interval; a longer interval is a stretch without poses
 
-const kSlack = 0.4;  // of the usual interval
+const kTolerance = 0.4;  // of the median interval
 
 /** Index of the last of `count` sorted times not after `time`, or 0. */
 function last(count, timeOf, time) {
@@ -49,13 +49,13 @@ export function nearest(times, time) {
 export function lostStretches(trajectory, frames) {
   const times = trajectory.map(([t]) => t), found = [];
   if (times.length < 2) return found;
-  const steps = times.slice(1).map((t, i) => t - times[i]).sort((a, b) => a - b), usual = steps[steps.length >> 1];
+  const steps = times.slice(1).map((t, i) => t - times[i]).sort((a, b) => a - b), median = steps[steps.length >> 1];
   const lost = frames.filter(({ state }) => state === 'lost').map(({ timestamp }) => timestamp);
-  const slack = kSlack * usual;  // clock difference of color and depth
+  const tolerance = kTolerance * median;  // clock difference of color and depth
   for (let i = 0, k = 0; i + 1 < times.length; ++i) {
-    while (k < lost.length && lost[k] <= times[i] + slack) ++k;
-    const isLost = k < lost.length && lost[k] < times[i + 1] - slack;
-    if (isLost || times[i + 1] - times[i] > Math.max(0.5, kGap * usual)) found.push([times[i], times[i + 1]]);
+    while (k < lost.length && lost[k] <= times[i] + tolerance) ++k;
+    const isLost = k < lost.length && lost[k] < times[i + 1] - tolerance;
+    if (isLost || times[i + 1] - times[i] > Math.max(0.5, kMinGap * median)) found.push([times[i], times[i + 1]]);
   }
   return found;
 }

@@ -5,7 +5,7 @@ import * as THREE from 'three';
 import { element, slider } from './dom.js';
 import { height } from './words.js';
 
-const kHeight = 1.4;  // meters above the floor for the cut
+const kCutHeight = 1.4;  // meters above the floor for the cut
 const kMargin = 1.08;
 
 export class Plan {
@@ -16,8 +16,8 @@ export class Plan {
     this.outline.visible = false;
     scene.scene.add(this.outline);
     surface.onChange = () => { if (this.isOn) this.cut(Number(this.slider.range.value)); };
-    this.slider = slider({ label: 'Cut above the floor', min: 0.05, max: 3, value: kHeight, show: height, input: (value) => this.cut(value) });
-    this.body = element('div', {}, element('p', { className: 'hint' }, 'Drag moves the plan, the wheel brings it nearer. Measure works here, too.'), this.slider);
+    this.slider = slider({ label: 'Cut above the floor', min: 0.05, max: 3, value: kCutHeight, show: height, input: (value) => this.cut(value) });
+    this.body = element('div', {}, element('p', { className: 'hint' }, 'Drag to move the plan, use the wheel to zoom. Measure works here, too.'), this.slider);
   }
 
   async start() {
@@ -27,7 +27,7 @@ export class Plan {
     this.before = { eye: scene.perspective.position.clone(), target: scene.controls.target.clone() };
     const middle = box.getCenter(new THREE.Vector3());
     this.slider.range.max = Math.max(0.1, box.max.y - this.level + 0.05);
-    this.slider.set(Math.min(kHeight, this.slider.range.max));
+    this.slider.set(Math.min(kCutHeight, this.slider.range.max));
     // Aligns the walls with the edges of the view, and the longer sides of map and screen.
     let { turn } = this;
     const size = this.sizeTurned(turn), { clientWidth: width, clientHeight: height } = scene.element;

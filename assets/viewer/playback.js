@@ -8,9 +8,9 @@ import { lostStretches, nearest, poseAt } from './path.js';
 import { upright } from './scene.js';
 import { seconds as said } from './words.js';
 
-const kNear = 14;          // click tolerance in pixels
-const kFx = 0.91;          // image widths: about 58 degrees, typical of depth cameras
-const kColours = { keyframe: 0xffc531, lost: 0xff5d5d };
+const kClickTolerance = 14;  // click tolerance in pixels
+const kFx = 0.91;            // image widths: about 58 degrees, typical of depth cameras
+const kColors = { keyframe: 0xffc531, lost: 0xff5d5d };
 
 export class Playback {
   /** `data`: trajectory, keyframes and the report of the map. */
@@ -29,14 +29,14 @@ export class Playback {
     this.play = element('button', { className: 'play', onclick: () => this.setPlaying(!this.isPlaying) });
     this.slider = slider({ label: 'Time', min: 0, max: this.length, step: 0.01, value: 0, show: said, input: (time) => { this.setPlaying(false); this.go(time); } });
     this.picture = element('img', { alt: 'What the camera saw here', hidden: this.keyframes.length === 0, className: 'keyframe' });
-    this.told = element('p', { className: 'told', aria: { live: 'polite' } });
+    this.status = element('p', { className: 'status', aria: { live: 'polite' } });
     this.rideBox = checkbox('Look through the camera', false, (on) => this.ride(on));
     const speed = element('select', { aria: { label: 'Speed' }, onchange: () => { this.speed = Number(speed.value); } },
                           ...[0.5, 1, 2, 4].map((times) => element('option', { value: times, selected: times === 1 }, `${times}×`)));
     const words = [`${this.keyframes.length} keyframes`, `${data.report.loops?.length ?? 0} loops`,
                    this.lost.length === 1 ? '1 stretch without poses' : `${this.lost.length} stretches without poses`];
     this.body = element('div', { className: 'playback' }, this.picture,
-                        element('div', {}, this.slider, element('div', { className: 'row' }, this.play, speed, this.rideBox), this.told,
+                        element('div', {}, this.slider, element('div', { className: 'row' }, this.play, speed, this.rideBox), this.status,
                                 this.legend(words), element('p', { className: 'hint' }, 'Click the path or a keyframe to go there.')));
     const canvas = scene.renderer.domElement;
     canvas.addEventListener('pointerdown', (event) => { this.pressed = [event.clientX, event.clientY]; });
@@ -59,10 +59,10 @@ export class Playback {
       points.frustumCulled = false;
       group.add(points);
     };
-    dots(placesAt(this.keyframeTimes), kColours.keyframe, 6);
+    dots(placesAt(this.keyframeTimes), kColors.keyframe, 6);
     const ends = placesAt(this.lost.flat());
-    dots(ends, kColours.lost, 8);
-    const lines = new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(ends), new THREE.LineBasicMaterial({ color: kColours.lost }));
+    dots(ends, kColors.lost, 8);
+    const lines = new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(ends), new THREE.LineBasicMaterial({ color: kColors.lost }));
     lines.frustumCulled = false;
     group.add(lines);
     this.scene.world.add(group);
@@ -118,10 +118,10 @@ export class Playback {
       const eye = upright(place.toArray()), ahead = upright(new THREE.Vector3(0, 0, 1).applyQuaternion(turn).toArray());
       this.scene.place(eye, eye.clone().addScaledVector(ahead, 1.5));
     }
-    this.tell();
+    this.updateStatus();
   }
 
-  tell() {
+  updateStatus() {
     const at = this.begin + this.time, isLost = this.lost.some(([from, to]) => at > from && at < to);
     let words = isLost ? 'The camera was lost here.' : '';
     if (this.keyframes.length > 0) {
@@ -131,7 +131,7 @@ export class Playback {
       this.picture.hidden = !picture;
       if (picture && this.picture.getAttribute('src') !== picture) this.picture.src = picture;
     }
-    this.told.textContent = words;
+    this.status.textContent = words;
   }
 
   onKey(event) {
@@ -153,11 +153,11 @@ export class Playback {
   timeAt(x, y) {
     const { clientWidth: width, clientHeight: height } = this.scene.element, at = new THREE.Vector3();
     const bestOf = (times) => {
-      let best = null, least = kNear;
+      let best = null, minDistance = kClickTolerance;
       for (const time of times) {
         at.copy(upright(poseAt(this.trajectory, time).place.toArray())).project(this.scene.camera);
         const off = at.z < 1 ? Math.hypot((at.x + 1) * width / 2 - x, (1 - at.y) * height / 2 - y) : Infinity;
-        if (off < least) [best, least] = [time, off];
+        if (off < minDistance) [best, minDistance] = [time, off];
       }
       return best;
     };

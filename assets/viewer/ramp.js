@@ -15,7 +15,7 @@ function along(stops, share) {
 /** sRGB bytes for a share from 0 to 1. */
 export const viridis = (share) => along(kViridis, share);
 export const away = (share) => along(kDistance.slice(1), share);
-export const kBehind = kDistance[0];
+export const kBehindColor = kDistance[0];
 
 export function legend(ramp, low, high) {
   const canvas = element('canvas', { width: 256, height: 1, className: 'ramp', aria: { hidden: 'true' } }), context = canvas.getContext('2d');

@@ -5,8 +5,8 @@ import * as THREE from 'three';
 import { element } from './dom.js';
 import { length } from './words.js';
 
-const kLongest = 140;  // maximum length of the bar in pixels
-const kLift = 0.025;   // meters of the grid above the uneven floor
+const kMaxLength = 140;     // maximum length of the bar in pixels
+const kGridHeight = 0.025;  // meters of the grid above the uneven floor
 
 /** Largest of 1, 2 or 5 times a power of ten, at most `value`. */
 function round(value) {
@@ -24,17 +24,17 @@ export class Ruler {
     this.update();
   }
 
-  get metresAPixel() {
+  get metersAPixel() {
     const { camera, controls, element: { clientHeight } } = this.scene;
     if (camera.isOrthographicCamera) return (camera.top - camera.bottom) / camera.zoom / clientHeight;
     return 2 * Math.tan(THREE.MathUtils.degToRad(camera.fov / 2)) * camera.position.distanceTo(controls.target) / clientHeight;
   }
 
   update() {
-    const pixel = this.metresAPixel, metres = round(kLongest * pixel);
-    const words = length(metres);
+    const pixel = this.metersAPixel, meters = round(kMaxLength * pixel);
+    const words = length(meters);
     if (words !== this.words.textContent) this.words.textContent = words;
-    this.bar.style.width = `${(metres / pixel).toFixed(1)}px`;
+    this.bar.style.width = `${(meters / pixel).toFixed(1)}px`;
   }
 
   get hasGrid() { return Boolean(this.grid); }
@@ -49,7 +49,7 @@ export class Ruler {
       const { box } = this.scene, size = box.getSize(new THREE.Vector3()), middle = box.getCenter(new THREE.Vector3());
       const cells = Math.max(2, 2 * Math.ceil(Math.hypot(size.x, size.z) / 2));
       this.grid = new THREE.GridHelper(cells, cells, 0xffffff, 0xaeb9c6);
-      this.grid.position.set(middle.x, this.level + kLift, middle.z);
+      this.grid.position.set(middle.x, this.level + kGridHeight, middle.z);
       this.grid.rotation.y = this.turn;
       this.scene.scene.add(this.grid);
     }

@@ -6,20 +6,20 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { behind } from './follow.js';
 import { placeAt } from './path.js';
 
-const kPathColour = 0x4c8dff, kLoopColour = 0x37b26c, kCameraColour = 0xffc531;
+const kPathColor = 0x4c8dff, kLoopColor = 0x37b26c, kCameraColor = 0xffc531;
 
 /** Linear intensity of an sRGB byte, scaled to 65535: three.js uses linear colors. */
 const kLinear = Uint16Array.from({ length: 256 }, (_, c) => 65535 * new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
 
-const kShare = 0.3;  // maximum share of time for drawing while the user is idle
-const kSight = 62, kNarrowest = 54;  // degrees: vertical field of view, and minimum horizontal
-const kCalm = 0.5;  // time constant in seconds for following the sensor
-const kSamples = 20000;  // maximum number of sampled vertices per mesh
+const kMaxDrawShare = 0.3;                        // maximum share of time for drawing while the user is idle
+const kVerticalFov = 62, kMinHorizontalFov = 54;  // degrees: vertical field of view, and minimum horizontal
+const kFollowTime = 0.5;                          // time constant in seconds for following the sensor
+const kSamples = 20000;                           // maximum number of sampled vertices per mesh
 const kUp = new THREE.Vector3(0, 1, 0);
 
 /** The map's world has y down and z forward; three.js has y up. */
 const kHalfTurn = new THREE.Quaternion(1, 0, 0, 0);
-const kTurnAtOnce = 0.2;  // share of the rotation per update
+const kTurnShare = 0.2;  // share of the rotation per update
 export const upright = ([x, y, z]) => new THREE.Vector3(x, -y, -z);
 
 const radians = THREE.MathUtils.degToRad, degrees = THREE.MathUtils.radToDeg;
@@ -38,7 +38,7 @@ export class Scene {
     element.append(canvas);
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(0x14171b);
-    this.perspective = new THREE.PerspectiveCamera(kSight, 1, 0.02, 500);
+    this.perspective = new THREE.PerspectiveCamera(kVerticalFov, 1, 0.02, 500);
     this.orthographic = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.01, 500);
     this.camera = this.perspective;
     this.camera.position.set(0, 1.5, 3);
@@ -57,9 +57,9 @@ export class Scene {
     this.world.quaternion.copy(kHalfTurn);
     this.scene.add(this.world);
     this.surface = new THREE.Group();
-    this.path = this.line(kPathColour);
-    this.loops = this.line(kLoopColour, true);
-    this.frustum = this.line(kCameraColour, true);
+    this.path = this.line(kPathColor);
+    this.loops = this.line(kLoopColor, true);
+    this.frustum = this.line(kCameraColor, true);
     this.world.add(this.surface, this.path, this.loops, this.frustum);
     this.submaps = new Map();
     this.parts = new Map();
@@ -69,12 +69,12 @@ export class Scene {
     this.cuts = new Map();
     // Materials are single-sided, so that a view from outside shows the inside of a room.
     this.materials = {
-      colour: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
+      color: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
       shape: new THREE.MeshLambertMaterial({ color: 0xc9ced6, clippingPlanes: this.clipping }),
       normal: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
       tinted: new THREE.MeshLambertMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
     };
-    this.look = 'colour';
+    this.look = 'color';
     this.follow = false;
     this.movers = new Set();   // called with the seconds since the last frame, before each frame
     this.watchers = new Set();  // called after each frame
@@ -108,7 +108,7 @@ export class Scene {
     const aspect = width / height;
     // A portrait screen extends the vertical view instead of narrowing the horizontal view.
     this.perspective.aspect = aspect;
-    this.perspective.fov = Math.min(100, Math.max(kSight, 2 * degrees(Math.atan(Math.tan(radians(kNarrowest / 2)) / aspect))));
+    this.perspective.fov = Math.min(100, Math.max(kVerticalFov, 2 * degrees(Math.atan(Math.tan(radians(kMinHorizontalFov / 2)) / aspect))));
     this.perspective.updateProjectionMatrix();
     const half = this.orthographic.top;
     Object.assign(this.orthographic, { left: -half * aspect, right: half * aspect });
@@ -125,14 +125,14 @@ export class Scene {
       if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) return;
       gl.deleteSync(this.fence);
       this.fence = null;
-      this.restUntil = now + (now - this.drawnAt) * (1 / kShare - 1);
+      this.restUntil = now + (now - this.drawnAt) * (1 / kMaxDrawShare - 1);
     }
     if (now < this.restUntil && !this.isTurning && this.movers.size === 0) return;
     const elapsed = (now - (this.movedAt ?? now)) / 1000, seconds = Math.min(0.25, elapsed);
     this.movedAt = now;
     for (const move of this.movers) move(seconds);
     if (this.follow && this.eye) {
-      const share = 1 - Math.exp(-elapsed / kCalm);
+      const share = 1 - Math.exp(-elapsed / kFollowTime);
       this.camera.position.lerp(this.eye, share);
       this.controls.target.lerp(this.target, share);
       this.isStale = true;
@@ -181,7 +181,7 @@ export class Scene {
     this.onFollow = null;
     this.eye = null;
     this.setLine(this.frustum, []);
-    this.setLook('colour');
+    this.setLook('color');
   }
 
   setLook(look) {
@@ -191,13 +191,13 @@ export class Scene {
   }
 
   materialOf(mesh) {
-    if (mesh.userData.textured?.map.image && this.look === 'colour') {
+    if (mesh.userData.textured?.map.image && this.look === 'color') {
       const { map } = mesh.userData.textured;
       map.needsUpdate = map.version === 0;  // just loaded
       return mesh.userData.textured;
     }
     const material = mesh.geometry.hasAttribute('color') ? this.materials[this.look] ?? this.materials.tinted : this.materials.shape;
-    if (material !== this.materials.colour && !mesh.geometry.hasAttribute('normal')) mesh.geometry.computeVertexNormals();
+    if (material !== this.materials.color && !mesh.geometry.hasAttribute('normal')) mesh.geometry.computeVertexNormals();
     return material;
   }
 
@@ -264,7 +264,7 @@ export class Scene {
     const geometry = new THREE.BufferGeometry();
     const positions = new THREE.InterleavedBuffer(part.positions, 4);
     geometry.setAttribute('position', new THREE.InterleavedBufferAttribute(positions, 3, 0, true));
-    geometry.setAttribute('color', new THREE.BufferAttribute(Uint16Array.from(part.colours, (c, i) => i % 4 === 3 ? 257 * c : kLinear[c]), 4, true));
+    geometry.setAttribute('color', new THREE.BufferAttribute(Uint16Array.from(part.colors, (c, i) => i % 4 === 3 ? 257 * c : kLinear[c]), 4, true));
     const normals = new THREE.InterleavedBuffer(part.normals, 4);
     geometry.setAttribute('normal', new THREE.InterleavedBufferAttribute(normals, 3, 0, true));
     geometry.setIndex(new THREE.BufferAttribute(part.indices, 1));
@@ -296,7 +296,7 @@ export class Scene {
   }
 
   /** Rotates a growing map by the gravity alignment [x, y, z, w], smoothly by a share per update. */
-  setUpright(turn, share = kTurnAtOnce) {
+  setUpright(turn, share = kTurnShare) {
     this.world.quaternion.slerp(kHalfTurn.clone().multiply(new THREE.Quaternion(...turn)), share);
     this.isStale = true;
   }
@@ -401,12 +401,12 @@ export class Scene {
     this.camera.updateMatrixWorld();
     // Centered, at the smallest distance with the complete model in view: the four side planes of the frustum touch it.
     const t = Math.tan(radians(this.perspective.fov / 2)), slopes = [t * this.perspective.aspect, t];
-    const most = [[-Infinity, -Infinity], [-Infinity, -Infinity]], inverse = this.camera.matrixWorld.clone().invert();
+    const max = [[-Infinity, -Infinity], [-Infinity, -Infinity]], inverse = this.camera.matrixWorld.clone().invert();
     for (const place of this.tiles ? this.cornersOf(box) : this.placesOf(box)) {
       const { x, y, z } = place.applyMatrix4(inverse);
-      [x, y].forEach((v, i) => [v, -v].forEach((side, k) => { most[i][k] = Math.max(most[i][k], side + slopes[i] * z); }));
+      [x, y].forEach((v, i) => [v, -v].forEach((side, k) => { max[i][k] = Math.max(max[i][k], side + slopes[i] * z); }));
     }
-    const [right, up] = most.map(([a, b]) => (a - b) / 2), back = Math.max(...most.map(([a, b], i) => (a + b) / (2 * slopes[i])));
+    const [right, up] = max.map(([a, b]) => (a - b) / 2), back = Math.max(...max.map(([a, b], i) => (a + b) / (2 * slopes[i])));
     const eye = new THREE.Vector3(right, up, back).applyMatrix4(this.camera.matrixWorld), reach = away.dot(eye.clone().sub(middle));
     this.place(eye.clone().addScaledVector(away, 0.04 * reach), eye.clone().addScaledVector(away, -reach));
   }

@@ -41,13 +41,13 @@ export class Section {
     this.outline.visible = false;
     scene.scene.add(this.outline);
     this.sliders = element('div', {});
-    this.body = element('div', {}, element('p', { className: 'hint' }, 'Only what is inside of the box is shown, and measured.'), this.sliders);
+    this.body = element('div', {}, element('p', { className: 'hint' }, 'Only the inside of the box is shown and measured.'), this.sliders);
   }
 
   /** Bounds of the complete map, in axes aligned with the walls. */
   measureMap() {
     const box = this.scene.boxTurned(this.turn);
-    this.whole = box;
+    this.bounds = box;
     this.inside = box.clone();
     this.sliders.replaceChildren(...kSides.map(([label, axis, end]) => {
       const [low, high] = [box.min[axis], box.max[axis]];

@@ -3,27 +3,27 @@
 // Horizontal slice through the distance field: distance to the nearest surface at each position.
 import * as THREE from 'three';
 import { element, slider } from './dom.js';
-import { away, kBehind, legend } from './ramp.js';
+import { away, kBehindColor, legend } from './ramp.js';
 import { height, length } from './words.js';
 
-const kLines = 0.25;  // meters between contour lines
+const kContourSpacing = 0.25;  // meters between contour lines
 
 export class Slice {
   /** `fields()` returns a promise of the map's fields; `level`: of the floor, in the three.js world. */
   constructor(scene, fields, level) {
     Object.assign(this, { scene, fields, level });
-    this.told = element('div', {});
-    this.body = element('div', {}, element('p', { className: 'hint' }, 'How far the next surface is at each place, for robots. What nobody saw is left out.'), this.told);
+    this.details = element('div', {});
+    this.body = element('div', {}, element('p', { className: 'hint' }, 'Distance to the nearest surface at each place, for robots. Unobserved space is left out.'), this.details);
   }
 
   async start() {
     this.isOn = true;
-    this.told.textContent = 'Fetching the field …';
+    this.details.textContent = 'Fetching the field …';
     try {
       const fields = await this.fields();
       if (this.isOn) this.show(fields);
     } catch (error) {
-      this.told.replaceChildren(element('p', { className: 'warning' }, `The field cannot be shown: ${error.message}`));
+      this.details.replaceChildren(element('p', { className: 'warning' }, `The field cannot be shown: ${error.message}`));
     }
   }
 
@@ -45,8 +45,8 @@ export class Slice {
     const highest = heightOf(0), lowest = heightOf(ny - 1), set = (above) => this.paint(fields, Math.round((-(above + this.level) - oy) / spacing));
     const middle = Math.min(Math.max(0.5, lowest), highest);
     this.slider = slider({ label: 'Above the floor', min: lowest, max: highest, step: spacing, value: middle, show: height, input: set });
-    this.told.replaceChildren(this.slider, legend(away, 'at the surface', length(fields.maxDistance)),
-                              element('p', { className: 'hint' }, `A line each ${length(kLines)}; red is behind a surface.`));
+    this.details.replaceChildren(this.slider, legend(away, 'at the surface', length(fields.maxDistance)),
+                              element('p', { className: 'hint' }, `A line every ${length(kContourSpacing)}; red is behind a surface.`));
     set(middle);
   }
 
@@ -55,13 +55,13 @@ export class Slice {
     const j = Math.min(Math.max(layer, 0), ny - 1);
     for (let k = 0; k < nz; ++k)
       for (let i = 0; i < nx; ++i) {
-        const at = 4 * (i + nx * k), distance = fields.metres(fields.distance[i + nx * (j + ny * k)]);
+        const at = 4 * (i + nx * k), distance = fields.meters(fields.distance[i + nx * (j + ny * k)]);
         if (distance == null) {
           data[at + 3] = 0;
           continue;
         }
-        const line = distance > 0 && distance % kLines < 0.5 * spacing ? 0.75 : 1;
-        const [r, g, b] = distance < 0 ? kBehind : away(distance / fields.maxDistance);
+        const line = distance > 0 && distance % kContourSpacing < 0.5 * spacing ? 0.75 : 1;
+        const [r, g, b] = distance < 0 ? kBehindColor : away(distance / fields.maxDistance);
         data.set([r * line, g * line, b * line, 255], at);
       }
     this.plane.position.y = origin[1] + j * spacing;

@@ -4,9 +4,9 @@
 import * as THREE from 'three';
 import { featureNear } from './features.js';
 
-const kSnap = { corner: 16, edge: 11 };  // pixels
+const kSnapDistance = { corner: 16, edge: 11 };  // pixels
 /** Offsets to nearby pixels, nearest first. */
-const kBeside = [8, 15].flatMap((far) => [0, 1, 2, 3, 4, 5, 6, 7].map((i) => [far * Math.cos(i * Math.PI / 4), far * Math.sin(i * Math.PI / 4)]));
+const kOffsets = [8, 15].flatMap((far) => [0, 1, 2, 3, 4, 5, 6, 7].map((i) => [far * Math.cos(i * Math.PI / 4), far * Math.sin(i * Math.PI / 4)]));
 
 export class Snap {
   constructor(scene, surface, voxel) { Object.assign(this, { scene, surface, voxel }); }
@@ -19,9 +19,9 @@ export class Snap {
   }
 
   /** Returns true if a feature is within its kind's snapping distance of the pixel x, y. */
-  isMeant(place, kind, x, y) {
+  isNearPointer(place, kind, x, y) {
     const at = this.onScreen(place);
-    return Boolean(at) && Math.hypot(at[0] - x, at[1] - y) < kSnap[kind];
+    return Boolean(at) && Math.hypot(at[0] - x, at[1] - y) < kSnapDistance[kind];
   }
 
   /** Meters per pixel at a point. */
@@ -35,13 +35,13 @@ export class Snap {
   find(x, y) {
     const hit = this.surface.pick(x, y);
     const featureAt = (found) => {
-      const radius = THREE.MathUtils.clamp(2 * kSnap.corner * this.pixelAt(found.point), 5 * this.voxel, 10 * this.voxel);
-      return featureNear(this.surface, found.point, radius, this.voxel, (place, kind) => this.isMeant(place, kind, x, y));
+      const radius = THREE.MathUtils.clamp(2 * kSnapDistance.corner * this.pixelAt(found.point), 5 * this.voxel, 10 * this.voxel);
+      return featureNear(this.surface, found.point, radius, this.voxel, (place, kind) => this.isNearPointer(place, kind, x, y));
     };
     let found = hit && featureAt(hit);
     if (found?.kind === 'corner') return found;
     // Just outside a foreground edge, the ray hits the background, so nearby pixels are tested for foreground features.
-    for (const [dx, dy] of kBeside) {
+    for (const [dx, dy] of kOffsets) {
       const other = this.surface.pick(x + dx, y + dy);
       if (!other || (hit && other.distance > hit.distance - 5 * this.voxel)) continue;
       const before = featureAt(other);

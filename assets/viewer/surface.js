@@ -5,9 +5,9 @@
 import * as THREE from 'three';
 import { CENTER, MeshBVH } from 'three-mesh-bvh';
 
-const kPause = 30;  // milliseconds of work before yielding to the browser
+const kMaxBlocking = 30;  // milliseconds of work before yielding to the browser
 
-const breathe = () => new Promise((resolve) => setTimeout(resolve));
+const yieldToBrowser = () => new Promise((resolve) => setTimeout(resolve));
 
 export class Surface {
   constructor(scene) {
@@ -30,8 +30,8 @@ export class Surface {
     this.parts = stay;
     for (const { mesh } of stay) shown.delete(mesh);
     for (const mesh of shown) {
-      if (performance.now() - since > kPause) {
-        await breathe();
+      if (performance.now() - since > kMaxBlocking) {
+        await yieldToBrowser();
         since = performance.now();
       }
       mesh.updateWorldMatrix(true, false);
@@ -88,9 +88,9 @@ export class Surface {
     }
   }
 
-  /** Distance from a point to the surface in meters, at most `most`. */
-  distance(point, most) {
-    let best = most;
+  /** Distance from a point to the surface in meters, at most `maxDistance`. */
+  distance(point, maxDistance) {
+    let best = maxDistance;
     for (const { tree, local, scale } of this.parts) {
       const hit = tree.closestPointToPoint(point.clone().applyMatrix4(local), {}, 0, best / scale);
       if (hit) best = Math.min(best, hit.distance * scale);

@@ -9,10 +9,10 @@ const kError = 6;                // maximum screen-space error in pixels
 /**
  * Memory budget for meshes and textures in bytes; the page uses up to 500 MB with it. Larger views are shown coarser.
  */
-const kMost = 96 * 2 ** 20;
-const kKept = 0.8;               // share of kMost kept after an unload
-const kCoarser = 1.1;            // error factor between updates
-const kCoarsest = 16 * kError;   // bound, since a tile around the camera never meets its error
+const kMaxBytes = 96 * 2 ** 20;
+const kKeptShare = 0.8;          // share of kMaxBytes kept after an unload
+const kErrorFactor = 1.1;        // error factor between updates
+const kMaxError = 16 * kError;   // bound, since a tile around the camera never meets its error
 const kLoaded = 4, kFailed = 5;  // states of 3d-tiles-renderer
 
 /** Frees the image of a texture after its upload to the GPU. */
@@ -28,8 +28,8 @@ export class Tiles {
   constructor(url, { adopt, show }) {
     const tiles = this.tiles = new TilesRenderer(url);
     tiles.errorTarget = this.error = kError;
-    tiles.lruCache.maxBytesSize = kMost;
-    tiles.lruCache.minBytesSize = kKept * kMost;
+    tiles.lruCache.maxBytesSize = kMaxBytes;
+    tiles.lruCache.minBytesSize = kKeptShare * kMaxBytes;
     tiles.manager.addHandler(/\.glb$/, gltfLoader());
     this.failed = [];
     this.isWaiting = true;  // an update is due
@@ -91,34 +91,34 @@ export class Tiles {
     this.tiles.setCamera(camera);
     this.tiles.setResolutionFromRenderer(camera, renderer);
     this.tiles.update();
-    this.spare(hasMoved);
+    this.adaptError(hasMoved);
     if (this.hasChanged) this.onChange?.();
     return this.hasChanged;
   }
 
   /** Prefers a complete view to a fine view: without memory left, the error is raised until the camera moves. */
-  spare(hasMoved) {
+  adaptError(hasMoved) {
     const { tiles } = this, before = tiles.errorTarget;
     if (hasMoved) tiles.errorTarget = this.error;
-    else if (tiles.stats.refused > 0) tiles.errorTarget = Math.min(kCoarsest, kCoarser * before);
+    else if (tiles.stats.refused > 0) tiles.errorTarget = Math.min(kMaxError, kErrorFactor * before);
     this.isWaiting ||= tiles.errorTarget !== before;
   }
 
   /** True if the complete view is loaded, at any resolution. */
-  get isWhole() {
-    const isThere = ({ traversal, internal, children }) => {
+  get isComplete() {
+    const isLoaded = ({ traversal, internal, children }) => {
       if (!traversal || !internal) return false;
       if (!traversal.inFrustum) return true;
       if (internal.hasContent && ![kLoaded, kFailed].includes(internal.loadingState)) return false;
-      return internal.hasRenderableContent || children.every(isThere);
+      return internal.hasRenderableContent || children.every(isLoaded);
     };
-    return Boolean(this.tiles.root) && isThere(this.tiles.root);
+    return Boolean(this.tiles.root) && isLoaded(this.tiles.root);
   }
 
   /** True if no loading is in progress. */
   get isSettled() {
     const { queued, downloading, parsing } = this.tiles.stats;
-    return this.isWhole && !this.isWaiting && queued + downloading + parsing === 0;
+    return this.isComplete && !this.isWaiting && queued + downloading + parsing === 0;
   }
 
   /** Bytes of loaded tiles, as estimated by the library. */

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // All tools of a finished map, with buttons and shortcuts.
-import { Colours } from './colours.js';
+import { Colors } from './colors.js';
 import { save } from './dom.js';
 import { Measure } from './measure.js';
 import { Plan } from './plan.js';
@@ -14,17 +14,17 @@ import { Surface } from './surface.js';
 import { Toolbar } from './toolbar.js';
 import { Walk } from './walk.js';
 
-const kFloor = { lowest: 0.01, reach: 0.25, thick: 0.03 };  // share of the surface below the floor; meters
+const kFloorSearch = { lowest: 0.01, reach: 0.25, thick: 0.03 };  // share of the surface below the floor; meters
 
 /** Floor level: the height of most of the surface near its lower end. */
 function floorLevel(scene) {
   const heights = [];
   if (scene.model) for (const { y } of scene.placesOf(scene.box)) heights.push(y);
   heights.sort((a, b) => a - b);
-  const begin = Math.floor(kFloor.lowest * heights.length);
+  const begin = Math.floor(kFloorSearch.lowest * heights.length);
   let best = { count: 0, level: heights[begin] ?? 0 };
-  for (let i = begin, k = begin; i < heights.length && heights[i] < heights[begin] + kFloor.reach; ++i) {
-    while (k < heights.length && heights[k] < heights[i] + kFloor.thick) ++k;
+  for (let i = begin, k = begin; i < heights.length && heights[i] < heights[begin] + kFloorSearch.reach; ++i) {
+    while (k < heights.length && heights[k] < heights[i] + kFloorSearch.thick) ++k;
     if (k - i > best.count) best = { count: k - i, level: heights[(i + k) >> 1] };
   }
   return best.level;
@@ -84,10 +84,10 @@ export function addTools(scene, data, fields, fold) {
       playback = tool(new Playback(scene, data), { name: 'Play the path', title: 'Path of the camera', label: 'Path', key: 't', symbol: 'path' });
       Object.assign(playback.of, { isBlocked: () => measure.isOn || walk.isOn, onOpen: () => { if (bar.shown !== playback) bar.show(playback); } });
     }
-    const colours = new Colours(scene, { fields, hasFields, level, path: trajectory.map(([, ...place]) => upright(place)) });
-    if (!scene.tiles) tool(colours, { name: 'Colours', title: 'Colours', label: 'Colours', key: 'c', symbol: 'colours', lasting: true, off: 'As it looks' });
-    const shape = bar.add({ name: 'Show shape', label: 'Shape', key: 's', symbol: 'shape', press: () => colours.set(colours.shown === 'shape' ? 'colour' : 'shape') });
-    colours.onSet = (kind) => shape.setAttribute('aria-pressed', kind === 'shape');
+    const colors = new Colors(scene, { fields, hasFields, level, path: trajectory.map(([, ...place]) => upright(place)) });
+    if (!scene.tiles) tool(colors, { name: 'Colors', title: 'Colors', label: 'Colors', key: 'c', symbol: 'colors', lasting: true, off: 'Original colors' });
+    const shape = bar.add({ name: 'Show shape', label: 'Shape', key: 's', symbol: 'shape', press: () => colors.set(colors.shown === 'shape' ? 'color' : 'shape') });
+    colors.onSet = (kind) => shape.setAttribute('aria-pressed', kind === 'shape');
     shape.setAttribute('aria-pressed', 'false');
     const grid = bar.add({ name: 'Grid of 1 m on the floor', label: 'Grid', key: 'g', symbol: 'grid', press: () => { ruler.toggleGrid(); grid.setAttribute('aria-pressed', ruler.hasGrid); } });
     grid.setAttribute('aria-pressed', 'false');

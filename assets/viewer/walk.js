@@ -5,11 +5,11 @@ import * as THREE from 'three';
 import { element, slider } from './dom.js';
 import { height } from './words.js';
 
-const kSpeed = 1.3, kRun = 2.5;        // meters per second; factor with the shift key
-const kLook = 0.004;                   // radians per pixel
-const kStep = 0.5;                     // maximum step height in meters
-const kSettle = 6;                     // rate per second at which the eye height follows the floor
-const kStick = 44;                     // pixels
+const kSpeed = 1.3, kRun = 2.5;  // meters per second; factor with the shift key
+const kLookRate = 0.004;         // radians per pixel
+const kMaxStep = 0.5;            // maximum step height in meters
+const kHeightRate = 6;           // rate per second at which the eye height follows the floor
+const kStickRadius = 44;         // pixels
 const kKeys = { KeyW: [0, 1], ArrowUp: [0, 1], KeyS: [0, -1], ArrowDown: [0, -1], KeyA: [-1, 0], ArrowLeft: [-1, 0], KeyD: [1, 0], ArrowRight: [1, 0] };
 
 export class Walk {
@@ -72,20 +72,20 @@ export class Walk {
     let x = 0, y = 0;
     if (event) {
       const box = this.pad.getBoundingClientRect();
-      x = (event.clientX - box.left - box.width / 2) / kStick;
-      y = (event.clientY - box.top - box.height / 2) / kStick;
+      x = (event.clientX - box.left - box.width / 2) / kStickRadius;
+      y = (event.clientY - box.top - box.height / 2) / kStickRadius;
       const size = Math.max(1, Math.hypot(x, y));
       x /= size;
       y /= size;
     }
     this.stick = [x, -y];
-    this.knob.style.translate = `${x * kStick}px ${y * kStick}px`;
+    this.knob.style.translate = `${x * kStickRadius}px ${y * kStickRadius}px`;
   }
 
   onDrag(event) {
     if (!this.isOn || !this.dragged) return;
-    this.turn += kLook * (event.clientX - this.dragged[0]);
-    this.tilt = THREE.MathUtils.clamp(this.tilt + kLook * (event.clientY - this.dragged[1]), -1.5, 1.5);
+    this.turn += kLookRate * (event.clientX - this.dragged[0]);
+    this.tilt = THREE.MathUtils.clamp(this.tilt + kLookRate * (event.clientY - this.dragged[1]), -1.5, 1.5);
     this.dragged = [event.clientX, event.clientY];
   }
 
@@ -96,12 +96,12 @@ export class Walk {
       side += kKeys[code][0];
       ahead += kKeys[code][1];
     }
-    const size = Math.max(1, Math.hypot(side, ahead)), way = kSpeed * (this.isRunning ? kRun : 1) * seconds / size;
+    const size = Math.max(1, Math.hypot(side, ahead)), distance = kSpeed * (this.isRunning ? kRun : 1) * seconds / size;
     const before = camera.position.clone();
-    camera.position.x += way * (side * Math.cos(this.turn) - ahead * Math.sin(this.turn));
-    camera.position.z += way * (-side * Math.sin(this.turn) - ahead * Math.cos(this.turn));
+    camera.position.x += distance * (side * Math.cos(this.turn) - ahead * Math.sin(this.turn));
+    camera.position.z += distance * (-side * Math.sin(this.turn) - ahead * Math.cos(this.turn));
     const eyes = this.floor(camera.position) + this.height;
-    camera.position.y += (eyes - camera.position.y) * Math.min(1, kSettle * seconds);
+    camera.position.y += (eyes - camera.position.y) * Math.min(1, kHeightRate * seconds);
     const turned = new THREE.Quaternion().setFromEuler(new THREE.Euler(this.tilt, this.turn, 0, 'YXZ'));
     if (before.distanceTo(camera.position) < 1e-4 && camera.quaternion.angleTo(turned) < 1e-4) return;
     camera.quaternion.copy(turned);
@@ -111,6 +111,6 @@ export class Walk {
   /** Height of the walkable surface; excludes tables. */
   floor(place) {
     const hit = this.surface.below(place);
-    return hit && hit.normal.y > 0.7 && hit.point.y < this.level + kStep ? hit.point.y : this.level;
+    return hit && hit.normal.y > 0.7 && hit.point.y < this.level + kMaxStep ? hit.point.y : this.level;
   }
 }

@@ -5,19 +5,19 @@
 /** Rounds away float noise. */
 const short = (value, digits) => String(Number(value.toPrecision(digits)));
 
-export function metres(value) {
+export function meters(value) {
   const size = Math.abs(value);
   if (size >= 0.9995) return `${value.toFixed(3)} m`;
   if (size >= 0.0995) return `${(100 * value).toFixed(1)} cm`;
   return `${(1000 * value).toFixed(1)} mm`;
 }
 
-export const millimetres = (value) => `${(1000 * value).toFixed(2)} mm`;
+export const millimeters = (value) => `${(1000 * value).toFixed(2)} mm`;
 
 /** Length of a slider or a legend. */
 export const height = (value) => `${value.toFixed(2).replace(/^-(?=[0.]*$)/, '')} m`;
 
-export const squareMetres = (value) => (value >= 0.1 ? `${value.toFixed(3)} m²` : `${(1e4 * value).toFixed(1)} cm²`);
+export const squareMeters = (value) => (value >= 0.1 ? `${value.toFixed(3)} m²` : `${(1e4 * value).toFixed(1)} cm²`);
 
 /** Length of a setting, not of a measurement: 1 cm, 2.5 mm, 5 m. */
 export function length(value) {

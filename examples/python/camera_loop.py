@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Maps images of your own camera, given as arrays. Here a camera in a synthetic room takes its place.
+"""Maps images of your own camera, given as arrays. Here, a camera in a synthetic room provides the images.
 
 Usage: camera_loop.py [--frames N] [--out FOLDER]
 """
@@ -20,10 +20,10 @@ Images = tuple[float, NDArray[np.uint16], NDArray[np.uint8]]
 def camera(rig: cairn.Rig, frames: int) -> Iterator[Images]:
     """Replace by your camera's loop: seconds, depth in millimeters, color R, G, B."""
     room = cairn.Scene("room")
-    eye = cairn.SceneCamera(room, rig.depth)
+    scene_camera = cairn.SceneCamera(room, rig.depth)
     for i in range(frames):
-        seen = eye.look(room.pose(i / 30), i / 30).add_noise("kinect", frame=i)
-        yield i / 30, np.round(1000 * seen.depth).astype(np.uint16), np.ascontiguousarray(seen.color)
+        images = scene_camera.look(room.pose(i / 30), i / 30).add_noise("kinect", frame=i)
+        yield i / 30, np.round(1000 * images.depth).astype(np.uint16), np.ascontiguousarray(images.color)
 
 
 def main() -> None:
@@ -41,9 +41,9 @@ def main() -> None:
             print(f"frame {report.index} {report.state}: {report.reason}")
         elif report.covariance is not None and report.index % 10 == 0:
             x, y, z = report.pose[:3, 3]
-            sure = 1000 * np.sqrt(np.diag(report.covariance)[3:].max())
-            print(f"frame {report.index}: at {x:.2f} {y:.2f} {z:.2f} m, sure to {sure:.0f} mm beside the map")
-    mapper.settle()  # apply all loop closures
+            sigma = 1000 * np.sqrt(np.diag(report.covariance)[3:].max())
+            print(f"frame {report.index}: position {x:.2f} {y:.2f} {z:.2f} m, sigma {sigma:.0f} mm relative to the map")
+    mapper.finish()  # apply all loop closures
     mapper.trajectory().write(a.out / "trajectory.txt")
     done = mapper.map().export(a.out / "mesh.glb", texture=True)
     print(f"{len(mapper.trajectory())} frames in the map; {done}")

@@ -46,13 +46,13 @@ def main() -> None:
             f"{1000 * m.accuracy.mean:13.1f}"
             f"{100 * m.at[0].f_score:8.1f}{100 * m.at[2].f_score:8.1f}{len(mapper.mesh().triangles):11}{rate:10.1f}"
         )
-        place = t.truth_from_estimate @ mapper.trajectory().poses
-        paths.plot(place[:, 0, 3], place[:, 2, 3], label=f"{voxel_size} m")
+        aligned = t.truth_from_estimate @ mapper.trajectory().poses
+        paths.plot(aligned[:, 0, 3], aligned[:, 2, 3], label=f"{voxel_size} m")
         scores.plot(
             np.array([at.threshold for at in m.at]) * 100, [at.f_score for at in m.at], "o-", label=f"{voxel_size} m"
         )
     paths.set(xlabel="x, m", ylabel="z, m", title="Path", aspect="equal")
-    scores.set(xlabel="within, cm", ylabel="F-score", title="Surface", ylim=(0, 1))
+    scores.set(xlabel="threshold, cm", ylabel="F-score", title="Surface", ylim=(0, 1))
     for axes in (paths, scores):
         axes.legend()
     figure.tight_layout()

@@ -17,7 +17,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("recording", nargs="?", default="synthetic:room")
     arguments.add_argument("--frames", type=int, default=120)
-    arguments.add_argument("--images", type=int, default=100, help="at most, each the sharpest of its surroundings")
+    arguments.add_argument("--images", type=int, default=100, help="maximum number, the sharpest of their neighbors")
     arguments.add_argument("--voxel-size", type=float, default=0.02)
     arguments.add_argument("--out", type=Path, default=Path("out/splatting"))
     a = arguments.parse_args()
@@ -36,7 +36,7 @@ def main() -> None:
             done = map.export_views(folder, program="colmap", images=a.images)
         print(f"{folder}: {done.images} of {done.keyframes} keyframes, {done.points} points")
     cameras = json.loads((a.out / "nerfstudio" / "transforms.json").read_text())
-    print(f"images of {cameras['w']}x{cameras['h']} pixels, a focal length of {cameras['fl_x']:.1f}")
+    print(f"images of {cameras['w']}x{cameras['h']} pixels, focal length {cameras['fl_x']:.1f}")
     print(f"next: ns-train splatfacto --data {a.out / 'nerfstudio'}")
 
 

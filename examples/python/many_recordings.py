@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: The Cairn developers
 """Maps all recordings of a folder in turn and prints a table of the results.
 
-Usage: many_recordings.py [FOLDER] [--out FOLDER] [--voxel-size M]; without FOLDER two synthetic recordings are made
+Usage: many_recordings.py [FOLDER] [--out FOLDER] [--voxel-size M]; without FOLDER two synthetic recordings
 """
 from __future__ import annotations
 
@@ -31,17 +31,24 @@ def main() -> None:
     rows = []
     for recording in sorted(folder.iterdir()):
         try:
-            made = cairn.reconstruct(
+            report = cairn.reconstruct(
                 recording, a.out / "maps" / recording.name, voxel_size=a.voxel_size, frames=a.frames, overwrite=True
             )
         except cairn.Error as error:  # no recording, or an unusable one: continue with the rest
             print(f"{recording.name:20} {error}", file=sys.stderr)
             continue
         rows.append(
-            [recording.name, made.level, made.frames.fused, made.frames.total, made.triangles, f"{made.seconds:.1f}"]
+            [
+                recording.name,
+                report.level,
+                report.frames.fused,
+                report.frames.total,
+                report.triangles,
+                f"{report.seconds:.1f}",
+            ]
         )
-        print(f"{recording.name:20} {made.level:5} {made.words}")
-        for reason in made.reasons:
+        print(f"{recording.name:20} {report.level:5} {report.words}")
+        for reason in report.reasons:
             print(f"{'':20} {reason}")
     with (a.out / "table.csv").open("w", newline="") as file:
         csv.writer(file).writerows([["recording", "level", "fused", "frames", "triangles", "seconds"], *rows])

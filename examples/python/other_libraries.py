@@ -2,7 +2,7 @@
 # SPDX-FileCopyrightText: The Cairn developers
 """Maps in other libraries: Open3D, trimesh and pyopenvdb, as installed. Arrays are passed without files.
 
-Usage: other_libraries.py [MAP]; without MAP a synthetic room is mapped
+Usage: other_libraries.py [MAP]; without MAP a synthetic room
 """
 from __future__ import annotations
 
@@ -27,34 +27,36 @@ def map_a_room() -> cairn.Map:
 
 def to_open3d(o3d: Any, mesh: cairn.Mesh) -> Any:
     """Copies into legacy arrays: open3d.geometry.TriangleMesh."""
-    made = o3d.geometry.TriangleMesh(
+    o3d_mesh = o3d.geometry.TriangleMesh(
         o3d.utility.Vector3dVector(mesh.vertices.astype(np.float64)),
         o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
     )
     if mesh.normals is not None:
-        made.vertex_normals = o3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
+        o3d_mesh.vertex_normals = o3d.utility.Vector3dVector(mesh.normals.astype(np.float64))
     if mesh.colors is not None:
-        made.vertex_colors = o3d.utility.Vector3dVector(mesh.colors[:, :3] / 255)
-    return made
+        o3d_mesh.vertex_colors = o3d.utility.Vector3dVector(mesh.colors[:, :3] / 255)
+    return o3d_mesh
 
 
-def from_open3d(made: Any) -> cairn.Mesh:
+def from_open3d(o3d_mesh: Any) -> cairn.Mesh:
     return cairn.Mesh(
-        np.asarray(made.vertices),
-        np.asarray(made.triangles),
-        colors=np.round(255 * np.asarray(made.vertex_colors)).astype(np.uint8) if made.has_vertex_colors() else None,
+        np.asarray(o3d_mesh.vertices),
+        np.asarray(o3d_mesh.triangles),
+        colors=np.round(255 * np.asarray(o3d_mesh.vertex_colors)).astype(np.uint8)
+        if o3d_mesh.has_vertex_colors()
+        else None,
     )
 
 
 def with_open3d(o3d: Any, mesh: cairn.Mesh) -> None:
-    made = to_open3d(o3d, mesh)
-    again = from_open3d(made.filter_smooth_taubin(5))
-    print(f"Open3D: {made}; smoothed there: {again}")
+    o3d_mesh = to_open3d(o3d, mesh)
+    smoothed = from_open3d(o3d_mesh.filter_smooth_taubin(5))
+    print(f"Open3D: {o3d_mesh}; smoothed: {smoothed}")
 
 
 def with_trimesh(trimesh: Any, mesh: cairn.Mesh) -> None:
-    made = trimesh.Trimesh(mesh.vertices, mesh.triangles, vertex_colors=mesh.colors, process=False)
-    print(f"trimesh: {made}, an area of {made.area:.2f} m^2")
+    trimesh_mesh = trimesh.Trimesh(mesh.vertices, mesh.triangles, vertex_colors=mesh.colors, process=False)
+    print(f"trimesh: {trimesh_mesh}, area {trimesh_mesh.area:.2f} m^2")
 
 
 def with_openvdb(vdb: Any, map: cairn.Map) -> None:
@@ -63,13 +65,13 @@ def with_openvdb(vdb: Any, map: cairn.Map) -> None:
         map.export(file)
         grids = [
             vdb.read(str(file), name) for name in ("tsdf", "weight")
-        ]  # pyopenvdb reads no integer grids, such as colour_weight
+        ]  # pyopenvdb does not read integer grids, such as color_weight
     print("OpenVDB:", ", ".join(f"{grid.name} ({grid.activeVoxelCount()} voxels)" for grid in grids))
     # Without a file: copy a dense box into a new grid.
     dense = map.distances().dense()
     grid = vdb.FloatGrid(background=float("inf"))
     grid.copyFromArray(np.nan_to_num(dense.values, nan=float("inf")))
-    print(f"OpenVDB: a grid of {grid.activeVoxelCount()} distances")
+    print(f"OpenVDB: grid with {grid.activeVoxelCount()} distances")
 
 
 def main() -> None:

@@ -74,14 +74,14 @@ def compare(what: str, unit: str, arguments: list[str], rounds: int) -> None:
     ratios, python, library = [], [], []
     for i in range(rounds):
         commands = [[sys.executable, __file__, "--measure"], [str(PEER)]]
-        told = {}
+        results = {}
         for command in commands[:: 1 if i % 2 == 0 else -1]:  # the second run finds the machine warmer
             ran = subprocess.run([*command, what, *arguments], check=True, capture_output=True, text=True)
-            told[len(command)] = float(ran.stdout)
-        python.append(told[3])
-        library.append(told[1])
-        ratios.append(told[3] / told[1])
-        print(f"{what}: Python {told[3]:.4g}, C++ {told[1]:.4g} {unit}, {100 * ratios[-1]:.1f} %", flush=True)
+            results[len(command)] = float(ran.stdout)
+        python.append(results[3])
+        library.append(results[1])
+        ratios.append(results[3] / results[1])
+        print(f"{what}: Python {results[3]:.4g}, C++ {results[1]:.4g} {unit}, {100 * ratios[-1]:.1f} %", flush=True)
     print(
         f"{what}: medians {statistics.median(python):.4g} and {statistics.median(library):.4g} {unit}: "
         f"{100 * statistics.median(python) / statistics.median(library):.1f} %; of the ratios "
@@ -98,7 +98,7 @@ def main() -> None:
             print(points_per_second(given[0], given[1], int(given[2])))
         return
     recording = sys.argv[1]
-    frames, rounds = (int(sys.argv[i]) if len(sys.argv) > i else usual for i, usual in ((2, 200), (3, 5)))
+    frames, rounds = (int(sys.argv[i]) if len(sys.argv) > i else default for i, default in ((2, 200), (3, 5)))
     for _ in range(3):
         compare_frame_by_frame(recording, frames)
     compare("frames", "frames/s", [recording, str(frames)], rounds)

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "cairn/mapper.hpp"
-#include "cairn/source.hpp"
+#include "cairn/io/source.hpp"
+#include "cairn/mapping/mapper.hpp"
 
 namespace {
 

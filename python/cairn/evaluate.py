@@ -126,7 +126,8 @@ def map(map: Map, truth: _Path, *, samples: int = 200000) -> MapError:
     import numpy as np  # imported on demand, to keep the import of cairn fast
 
     poses, true_poses, surface = map.trajectory(), _cairn.recorded_truth(truth), map.mesh()
-    moved = surface.transformed(np.linalg.inv(_cairn.estimate_from_truth(poses, true_poses)))
+    aligned = surface.transformed(np.linalg.inv(_cairn.estimate_from_truth(poses, true_poses)))
     folder = os.fspath(truth)
-    whole, seen = (os.path.join(folder, f"groundtruth_{name}.ply") for name in ("mesh", "seen"))
-    return MapError(trajectory(poses, true_poses), mesh(moved, whole, samples=samples, seen=seen), topology(surface))
+    true_mesh, seen = (os.path.join(folder, f"groundtruth_{name}.ply") for name in ("mesh", "seen"))
+    error = mesh(aligned, true_mesh, samples=samples, seen=seen)
+    return MapError(trajectory(poses, true_poses), error, topology(surface))

@@ -20,7 +20,7 @@ from ._cairn import Error
 __all__ = ["Frames", "Report", "merge", "program", "reconstruct", "run", "synth"]
 
 _Path = Union[str, "os.PathLike[str]"]
-_BAD = 3  # exit code: the run ended, but most of the recording is not in the map
+_BAD = 3  # exit code: most of the recording is not in the map
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def program() -> Path:
             return place
     if found := shutil.which("cairn"):
         return Path(found)
-    raise Error("the program cairn was not found: install the package again, or put cairn into PATH")
+    raise Error("the program cairn was not found: reinstall the package, or add cairn to PATH")
 
 
 _ON = {"loops"}  # on unless --no-... is given
@@ -81,7 +81,7 @@ def _flags(options: dict[str, Any]) -> list[str]:
     """voxel_size=0.02 → --voxel-size 0.02, texture=False → --no-texture, frames=slice(0, 9) → --frames 0:9."""
     flags = []
     for name, value in options.items():
-        flag = "--" + name.rstrip("_").replace("_", "-").replace("color", "colour")
+        flag = "--" + name.rstrip("_").replace("_", "-")
         if value is None:
             continue
         if value is True:
@@ -100,11 +100,11 @@ def _flags(options: dict[str, Any]) -> list[str]:
 
 def _reason(lines: list[str]) -> str:
     """The program's own error line."""
-    told = [line for line in lines if line.strip()]
-    for line in reversed(told):
+    messages = [line for line in lines if line.strip()]
+    for line in reversed(messages):
         if line.startswith("error: "):
             return line[len("error: ") :]
-    return told[-1] if told else "it told nothing"
+    return messages[-1] if messages else "no message"
 
 
 def main() -> None:
@@ -131,7 +131,7 @@ def run(*arguments: _Path | float, progress: bool = False, expect: collections.a
     lines: list[str] = []
     written: list[str] = []
 
-    def listen() -> None:
+    def read_messages() -> None:
         assert child.stderr is not None
         for line in child.stderr:
             lines.append(line.rstrip("\n"))
@@ -139,11 +139,11 @@ def run(*arguments: _Path | float, progress: bool = False, expect: collections.a
                 sys.stderr.write(line)
                 sys.stderr.flush()
 
-    def collect() -> None:
+    def read_output() -> None:
         assert child.stdout is not None
         written.append(child.stdout.read())
 
-    threads = [threading.Thread(target=work, daemon=True) for work in (listen, collect)]
+    threads = [threading.Thread(target=work, daemon=True) for work in (read_messages, read_output)]
     for thread in threads:
         thread.start()
     interrupted = False
@@ -162,13 +162,13 @@ def run(*arguments: _Path | float, progress: bool = False, expect: collections.a
     if interrupted:
         raise KeyboardInterrupt
     if code not in tuple(expect):
-        ended = f"cairn was ended by {signal.Signals(-code).name}: " if code < 0 else ""
+        ended = f"cairn was terminated by {signal.Signals(-code).name}: " if code < 0 else ""
         raise Error(ended + _reason(lines))
     return "".join(written)
 
 
 def reconstruct(recording: _Path, output: _Path, *, progress: bool = False, **options: Any) -> Report:
-    """Makes a map of a recording with the program, in a folder: mesh.glb, map.vdb, trajectory.txt, report.html, ...
+    """Maps a recording with the program, into a folder: mesh.glb, map.vdb, trajectory.txt, report.html, ...
 
     options: of `cairn reconstruct --help`, with underscores: voxel_size=0.02, texture=True, texture=False,
     overwrite=True, frames=100, loops=False, poses="groundtruth.txt". progress: copies the program's messages to
@@ -178,19 +178,19 @@ def reconstruct(recording: _Path, output: _Path, *, progress: bool = False, **op
     program's error line, for example if the folder has a map already.
     """
     text = run("reconstruct", recording, "-o", output, "--json", *_flags(options), progress=progress, expect=(0, _BAD))
-    told = json.loads(text)
-    verdict = told["verdict"]
+    report = json.loads(text)
+    verdict = report["verdict"]
     return Report(
-        output=Path(told.get("output", output)),
+        output=Path(report.get("output", output)),
         level=verdict["level"],
         words=verdict["words"],
         reasons=list(verdict["reasons"]),
-        frames=Frames(**{name: told["frames"][name] for name in ("total", "fused", "lost", "skipped", "held_out")}),
-        triangles=told["mesh"]["triangles"],
-        seconds=told["seconds"],
-        frames_per_second=told["frames_per_second"],
-        warnings=list(told["warnings"]),
-        json=told,
+        frames=Frames(**{name: report["frames"][name] for name in ("total", "fused", "lost", "skipped", "held_out")}),
+        triangles=report["mesh"]["triangles"],
+        seconds=report["seconds"],
+        frames_per_second=report["frames_per_second"],
+        warnings=list(report["warnings"]),
+        json=report,
     )
 
 

@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
-#include "cairn/known_cameras.hpp"
-#include "cairn/rig.hpp"
+#include "cairn/io/known_cameras.hpp"
+#include "cairn/mapping/rig.hpp"
 #include "module.hpp"
 #include "numpy.hpp"
 #include "text.hpp"
@@ -21,12 +21,12 @@ Lens lens_of(const std::string& name) {
   throw py::value_error("lens is '" + name + "'; brown_conrady or fisheye is expected");
 }
 
-std::string name_of(Lens lens) { return lens == Lens::fisheye ? "fisheye" : "brown_conrady"; }
+std::string to_string(Lens lens) { return lens == Lens::fisheye ? "fisheye" : "brown_conrady"; }
 
 Camera resized(const Camera& camera, int width, int height) {
   if (static_cast<std::int64_t>(width) * camera.height != static_cast<std::int64_t>(height) * camera.width)
     throw py::value_error("images of " + std::to_string(width) + "x" + std::to_string(height) +
-                          " have another shape than the camera's of " + std::to_string(camera.width) + "x" +
+                          " have another aspect ratio than the camera's " + std::to_string(camera.width) + "x" +
                           std::to_string(camera.height));
   const double scale = static_cast<double>(width) / camera.width;
   Camera c = camera;
@@ -48,7 +48,7 @@ Camera make_camera(int width, int height, double fx, double fy, std::optional<do
                 .lens = lens_of(lens),
                 .readout = readout};
   if (distortion.size() > camera.distortion.size())
-    throw py::value_error("distortion has " + std::to_string(distortion.size()) + " numbers; 8 at most are expected");
+    throw py::value_error("distortion has " + std::to_string(distortion.size()) + " numbers; at most 8 are expected");
   std::copy(distortion.begin(), distortion.end(), camera.distortion.begin());
   check(camera);
   return camera;
@@ -58,7 +58,7 @@ Camera known(const std::string& name) {
   if (const KnownCamera* camera = known_camera(name)) return camera->camera;
   std::string names;
   for (const KnownCamera& camera : known_cameras()) names += (names.empty() ? "" : ", ") + std::string(camera.name);
-  throw py::value_error("no camera is known as '" + name + "'; known are " + names);
+  throw py::value_error("'" + name + "' is not a known camera; known cameras: " + names);
 }
 
 Rig kinect_v1(int width, int height) { return resized(known("kinect-v1"), width, height); }
@@ -69,12 +69,12 @@ void add_camera(py::module_& m) {
       R"(Camera(width, height, fx, fy, cx=None, cy=None, *, distortion=(), lens='brown_conrady', readout=0.0)
 --
 
-A pinhole camera with a lens. Its frame is x right, y down, z forward, as in OpenCV.
+Pinhole camera with lens distortion. Camera frame: x right, y down, z forward, as in OpenCV.
 
-width, height: pixels. fx, fy, cx, cy: pixels; (0, 0) is the centre of the upper left pixel, and without cx, cy the
-image's middle is taken. distortion: up to 8 numbers, of the lens 'brown_conrady' OpenCV's k1 k2 p1 p2 k3 k4 k5 k6, of
-'fisheye' k1 k2 k3 k4. readout: seconds from the first row to the last; 0 is a global shutter. Raises Error for what no
-camera can be.)")
+width, height: pixels. fx, fy, cx, cy: pixels; (0, 0) is the center of the upper left pixel; default of cx, cy: the
+image center. distortion: up to 8 coefficients: k1 k2 p1 p2 k3 k4 k5 k6 of OpenCV for the lens 'brown_conrady', k1 k2
+k3 k4 for 'fisheye'. readout: seconds from the first row to the last; 0: global shutter. Raises Error for values out
+of range.)")
       .def(
           py::init(&make_camera), py::arg("width"), py::arg("height"), py::arg("fx"), py::arg("fy"),
           py::arg("cx") = std::nullopt, py::arg("cy") = std::nullopt, py::kw_only(),
@@ -91,9 +91,9 @@ camera can be.)")
       .def_readonly("cy", &Camera::cy, "Pixels.")
       .def_readonly("readout", &Camera::readout, "Seconds from the first row to the last.")
       .def_property_readonly(
-          "lens", [](const Camera& c) { return name_of(c.lens); }, "'brown_conrady' or 'fisheye'.")
+          "lens", [](const Camera& c) { return to_string(c.lens); }, "'brown_conrady' or 'fisheye'.")
       .def_property_readonly(
-          "distortion", [](const Camera& c) { return py::tuple(py::cast(c.distortion)); }, "8 numbers.")
+          "distortion", [](const Camera& c) { return py::tuple(py::cast(c.distortion)); }, "8 coefficients.")
       .def_property_readonly(
           "matrix",
           [](const Camera& c) {
@@ -101,15 +101,15 @@ camera can be.)")
             k << c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1;
             return Doubles({3, 3}, k.data());
           },
-          "(3, 3) float64, pixels: what takes a point in the camera frame to its pixel.")
+          "(3, 3) float64, pixels: intrinsic matrix.")
       .def("resized", &resized, py::arg("width"), py::arg("height"), R"(resized(self, width, height)
 --
 
-The same camera with images of another size and the same shape.)")
+Camera with images of another size and the same aspect ratio.)")
       .def_static("known", &known, py::arg("name"), R"(known(name)
 --
 
-A camera whose numbers are published, by its name (known_cameras).)")
+A camera with published intrinsics, by its name in known_cameras.)")
       .def(py::self == py::self)
       .def("__repr__", [](const Camera& c) {
         return repr("Camera",
@@ -125,37 +125,38 @@ A camera whose numbers are published, by its name (known_cameras).)")
       R"(known_cameras()
 --
 
-Cameras whose numbers are published: a dict from the name that Camera.known takes to whose it is.)");
+Cameras with published intrinsics: a dict from the name for Camera.known to a description.)");
 }
 
 void add_sensor(py::module_& m) {
   py::class_<SensorModel>(m, "SensorModel", R"(SensorModel(name='structured_light')
 --
 
-How far a depth camera errs: a standard deviation of floor + growth (z - sharpest)^2 metres at a depth of z metres.
+Noise model of a depth camera: standard deviation of floor + growth (z - sharpest)^2 meters at a depth of z meters.
 
 name: 'structured_light' (Kinect v1, Xtion), 'time_of_flight' (Azure Kinect), 'stereo' (RealSense D4xx),
-'phone_lidar', 'exact' (rendered without noise). Fields can be set to others.)")
+'phone_lidar', 'exact' (rendered without noise). Fields are writable.)")
       .def(py::init([](const std::string& name) { return sensor_model(name); }), py::arg("name") = "structured_light",
            R"(__init__(self, name='structured_light')
 --
 
 )")
       .def_property_readonly(
-          "name", [](const SensorModel& s) { return std::string(name_of(s)); }, "Or 'custom'.")
-      .def_readwrite("floor", &SensorModel::floor, "Metres.")
+          "name", [](const SensorModel& s) { return std::string(to_string(s)); }, "Name of the model, or 'custom'.")
+      .def_readwrite("floor", &SensorModel::floor, "Meters.")
       .def_readwrite("growth", &SensorModel::growth, "1/m.")
-      .def_readwrite("sharpest", &SensorModel::sharpest, "Metres.")
-      .def_readwrite("min_depth", &SensorModel::min_depth, "Metres; what is nearer is dropped.")
-      .def_readwrite("max_depth", &SensorModel::max_depth, "Metres; what is farther is dropped.")
-      .def_readwrite("least_confidence", &SensorModel::least_confidence, "0 to 255; what is surer is kept.")
+      .def_readwrite("sharpest", &SensorModel::sharpest, "Meters.")
+      .def_readwrite("min_depth", &SensorModel::min_depth, "Meters; nearer measurements are dropped.")
+      .def_readwrite("max_depth", &SensorModel::max_depth, "Meters; farther measurements are dropped.")
+      .def_readwrite("min_confidence", &SensorModel::min_confidence,
+                     "0 to 255; measurements with less confidence are dropped.")
       .def("sigma", &SensorModel::sigma, py::arg("depth"), R"(sigma(self, depth)
 --
 
-Standard deviation at a depth, metres.)")
+Standard deviation at a depth, both in meters.)")
       .def("__repr__", [](const SensorModel& s) {
         return repr("SensorModel",
-                    {{"name", std::string(name_of(s))}, {"min_depth", s.min_depth}, {"max_depth", s.max_depth}});
+                    {{"name", std::string(to_string(s))}, {"min_depth", s.min_depth}, {"max_depth", s.max_depth}});
       });
 }
 
@@ -165,8 +166,8 @@ Image image_of(const py::object& value, const char* name, const char* unit) {
   auto image = Image::ensure(value);
   if (image && image.ndim() == 2) return image;
   PyErr_Clear();
-  throw py::value_error(std::string(name) + " is " + told(value) + "; numbers of shape (rows, columns) are expected, " +
-                        unit);
+  throw py::value_error(std::string(name) + " is " + description_of(value) +
+                        "; numbers of shape (rows, columns) are expected, " + unit);
 }
 
 DepthCorrection make_correction(const py::object& values) {
@@ -179,7 +180,7 @@ DepthCorrection make_correction(const py::object& values) {
 }
 
 py::array corrected(const DepthCorrection& correction, const py::object& values) {
-  const Image depth = image_of(values, "depth", "metres");
+  const Image depth = image_of(values, "depth", "meters");
   const py::ssize_t rows = depth.shape(0), columns = depth.shape(1);
   std::vector<float> image(depth.data(), depth.data() + depth.size());
   correction.apply(static_cast<int>(columns), static_cast<int>(rows), image);
@@ -190,10 +191,10 @@ void add_correction(py::module_& m) {
   py::class_<DepthCorrection>(m, "DepthCorrection", R"(DepthCorrection(offsets)
 --
 
-What a depth camera errs by, by place in its image: 1 / true depth = 1 / measured depth + offset.
+Depth correction by image position: 1 / true depth = 1 / measured depth + offset.
 
-offsets: (rows, columns) float32, 1/m, at nodes in the middles of so many cells that divide the image evenly, at least
-two each way. Raises Error for more than 1/m.)")
+offsets: (rows, columns) float32, 1/m, at the centers of a grid of cells that divides the image evenly; at least two
+rows and columns. Raises Error for offsets beyond 1/m.)")
       .def(py::init(&make_correction), py::arg("offsets"), R"(__init__(self, offsets)
 --
 
@@ -206,19 +207,19 @@ two each way. Raises Error for more than 1/m.)")
             make_read_only(offsets);
             return offsets;
           },
-          "(rows, columns) float32, 1/m. Shows its own memory.")
+          "(rows, columns) float32, 1/m. A view of the correction's memory; read-only.")
       .def("at", &DepthCorrection::at, py::arg("x"), py::arg("y"), R"(at(self, x, y)
 --
 
-1/m, between nodes, at a place in shares of the image's width and height.)")
+Offset, 1/m, interpolated between nodes. x, y: image position, 0 to 1 of width and height.)")
       .def("apply", &corrected, py::arg("depth"), R"(apply(self, depth)
 --
 
-A corrected image, (rows, columns) float32, metres; 0 stays 0.)")
-      .def("then", &DepthCorrection::then, py::arg("next"), R"(then(self, next)
+Corrected image, (rows, columns) float32, meters; 0 stays 0.)")
+      .def("compose", &DepthCorrection::compose, py::arg("next"), R"(compose(self, next)
 --
 
-This correction and then another one.)")
+Composition: this correction, followed by next.)")
       .def(py::self == py::self)
       .def("__repr__", [](const DepthCorrection& c) {
         return repr("DepthCorrection", {{"rows", c.rows}, {"columns", c.columns}});
@@ -226,36 +227,35 @@ This correction and then another one.)")
 }
 
 void add_rig(py::module_& m) {
-  py::class_<ColourCamera>(m, "ColorCamera", R"(ColorCamera(camera, color_from_depth)
+  py::class_<ColorCamera>(m, "ColorCamera", R"(ColorCamera(camera, color_from_depth)
 --
 
-A color camera that looks from beside the depth camera.
+Color camera separate from the depth camera.
 
-color_from_depth: (4, 4), from the depth camera's frame to its own, metres.)")
+color_from_depth: (4, 4), from the depth camera's frame to the color camera's, meters.)")
       .def(py::init([](const Camera& camera, const py::object& pose) {
-             return ColourCamera{camera, pose_of(pose, "color_from_depth")};
+             return ColorCamera{camera, pose_of(pose, "color_from_depth")};
            }),
            py::arg("camera"), py::arg("color_from_depth"), R"(__init__(self, camera, color_from_depth)
 --
 
 )")
-      .def_readonly("camera", &ColourCamera::camera)
+      .def_readonly("camera", &ColorCamera::camera)
       .def_property_readonly(
-          "color_from_depth", [](const ColourCamera& c) { return to_numpy(c.colour_from_depth); },
-          "(4, 4) float64, metres.");
+          "color_from_depth", [](const ColorCamera& c) { return to_numpy(c.color_from_depth); },
+          "(4, 4) float64, meters.");
 
   py::class_<Rig>(m, "Rig", R"(Rig(depth, color=None, *, sensor=None, camera_from_imu=None, depth_correction=None)
 --
 
-The cameras of a sensor. Poses are the depth camera's everywhere.
+Cameras of a sensor. All poses are poses of the depth camera.
 
-depth: its Camera. color: a ColorCamera beside it; None where color images are registered to depth, and have its size
-and view. sensor: a SensorModel or its name. camera_from_imu: (4, 4), turns what an inertial sensor measures
-into the depth camera's frame; None finds it from how the camera moves. depth_correction: a DepthCorrection of what the
-depth camera errs by; None: nothing is known of that.)")
-      .def(py::init([](const Camera& depth, std::optional<ColourCamera> colour, const py::object& sensor,
+depth: its Camera. color: its ColorCamera; None: color images are registered to depth, with the same size and view.
+sensor: a SensorModel or its name. camera_from_imu: (4, 4), rotation from the inertial sensor to the depth camera's
+frame; None: estimated from the camera motion. depth_correction: a DepthCorrection; None: no correction.)")
+      .def(py::init([](const Camera& depth, std::optional<ColorCamera> color, const py::object& sensor,
                        const py::object& camera_from_imu, std::optional<DepthCorrection> depth_correction) {
-             Rig rig(depth, std::move(colour));
+             Rig rig(depth, std::move(color));
              if (py::isinstance<py::str>(sensor))
                rig.sensor = sensor_model(sensor.cast<std::string>());
              else if (!sensor.is_none())
@@ -273,44 +273,44 @@ depth camera errs by; None: nothing is known of that.)")
 
 )")
       .def_readonly("depth", &Rig::depth, "The depth camera.")
-      .def_readonly("color", &Rig::colour, "The color camera beside it, or None: color lies on depth.")
-      .def_readonly("sensor", &Rig::sensor, "How the depth camera errs.")
+      .def_readonly("color", &Rig::color, "The separate color camera, or None: color is registered to depth.")
+      .def_readonly("sensor", &Rig::sensor, "Noise model of the depth camera.")
       .def_property_readonly(
           "camera_from_imu",
           [](const Rig& rig) {
             return to_numpy(rig.camera_from_imu ? std::optional(Eigen::Isometry3d(*rig.camera_from_imu))
                                                 : std::nullopt);
           },
-          "(4, 4) float64, or None.")
+          "(4, 4) float64, rotation from the inertial sensor to the depth camera's frame; or None.")
       .def_property_readonly(
           "depth_correction",
           [](const Rig& rig) {
             return rig.depth_correction.empty() ? std::nullopt : std::optional(rig.depth_correction);
           },
-          "A DepthCorrection, or None: nothing is known of what the depth camera errs by.")
+          "A DepthCorrection, or None: no correction.")
       .def_static("kinect_v1", &kinect_v1, py::arg("width") = 640, py::arg("height") = 480,
                   R"(kinect_v1(width=640, height=480)
 --
 
-Kinect for Xbox 360, Xtion or PrimeSense, depth registered to color: what these are without a calibration.)")
+Kinect for Xbox 360, Xtion or PrimeSense without calibration, depth registered to color.)")
       .def_static(
           "known", [](const std::string& name) { return Rig(known(name)); }, py::arg("name"), R"(known(name)
 --
 
-A camera whose numbers are published (known_cameras), color registered to depth.)")
+A camera with published intrinsics (known_cameras), color registered to depth.)")
       .def_static("read", &read_rig, py::arg("file"), R"(read(file)
 --
 
-The cameras of a camera.yaml. Raises Error with file and line.)")
+Reads a camera.yaml. Raises Error with file and line.)")
       .def(
           "write", [](const Rig& rig, const std::filesystem::path& file) { write_rig(file, rig); }, py::arg("file"),
           R"(write(self, file)
 --
 
-Writes a camera.yaml, whole or not at all, without a unit of depth, which is the recording's.)")
+Writes a camera.yaml, atomically. The depth unit is omitted; it is a property of the recording.)")
       .def(py::self == py::self)
       .def("__repr__", [](const Rig& r) {
-        return repr("Rig", {{"depth", r.depth}, {"color", r.colour}, {"sensor", r.sensor}});
+        return repr("Rig", {{"depth", r.depth}, {"color", r.color}, {"sensor", r.sensor}});
       });
 }
 

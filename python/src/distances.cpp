@@ -16,7 +16,7 @@
 namespace cairn::python {
 namespace {
 
-constexpr py::ssize_t kLargest = py::ssize_t{1} << 31;  // voxels of a dense array
+constexpr py::ssize_t kMaxVoxels = py::ssize_t{1} << 31;  // of a dense array
 
 /// Box of voxels as an array.
 struct Dense {
@@ -35,7 +35,7 @@ struct Lattice {
   std::function<const float*(std::size_t)> samples;  // x, y, z
 };
 
-Eigen::AlignedBox3i whole(const Lattice& lattice) {
+Eigen::AlignedBox3i bounds_of(const Lattice& lattice) {
   Eigen::AlignedBox3i box;
   for (std::size_t i = 0; i < lattice.blocks; ++i) {
     const Eigen::Vector3i first = lattice.side * lattice.block(i);
@@ -47,17 +47,17 @@ Eigen::AlignedBox3i whole(const Lattice& lattice) {
 /// Voxel range of a box in the world.
 Eigen::AlignedBox3i box_of(const Lattice& lattice, const py::object& low, const py::object& high) {
   if (low.is_none() != high.is_none())
-    throw py::value_error("both corners of the box are expected, low and high, or none");
-  if (low.is_none()) return whole(lattice);
+    throw py::value_error("low and high are expected, both corners of the box, or neither");
+  if (low.is_none()) return bounds_of(lattice);
   const Eigen::AlignedBox3d world(vector_of(low, "low"), vector_of(high, "high"));
   if (!world.min().allFinite() || !world.max().allFinite() || world.isEmpty())
-    throw py::value_error("low must be less than high, metres, in all three axes");
+    throw py::value_error("low must be less than high in all three axes");
   const Eigen::Affine3d voxel_from_world = lattice.world_from_voxel.inverse();
   Eigen::AlignedBox3d box;
   for (int corner = 0; corner < 8; ++corner)
     box.extend(voxel_from_world * world.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
-  constexpr double kMost = 1e9;  // within the range of int
-  if (box.min().cwiseAbs().maxCoeff() > kMost || box.max().cwiseAbs().maxCoeff() > kMost)
+  constexpr double kMaxCoordinate = 1e9;  // within the range of int
+  if (box.min().cwiseAbs().maxCoeff() > kMaxCoordinate || box.max().cwiseAbs().maxCoeff() > kMaxCoordinate)
     throw py::value_error("the box is too far from the map");
   return {box.min().array().floor().cast<int>().matrix(), box.max().array().ceil().cast<int>().matrix()};
 }
@@ -66,12 +66,12 @@ Dense dense(const Lattice& lattice, const py::object& low, const py::object& hig
   const Eigen::AlignedBox3i box = box_of(lattice, low, high);
   const Eigen::Vector3i size =
       box.isEmpty() ? Eigen::Vector3i::Zero() : Eigen::Vector3i(box.sizes() + Eigen::Vector3i::Ones());
-  if (static_cast<double>(size.x()) * size.y() * size.z() > static_cast<double>(kLargest))
-    throw py::value_error("the box holds more than 2^31 voxels: give low and high of a smaller one");
-  Dense made{py::array_t<float>({size.x(), size.y(), size.z()}), lattice.world_from_voxel, lattice.voxel_size};
-  if (box.isEmpty()) return made;
-  made.world_from_voxel.translate(box.min().cast<double>());
-  float* values = made.values.mutable_data();
+  if (static_cast<double>(size.x()) * size.y() * size.z() > static_cast<double>(kMaxVoxels))
+    throw py::value_error("the box has more than 2^31 voxels: choose a smaller box by low and high");
+  Dense grid{py::array_t<float>({size.x(), size.y(), size.z()}), lattice.world_from_voxel, lattice.voxel_size};
+  if (box.isEmpty()) return grid;
+  grid.world_from_voxel.translate(box.min().cast<double>());
+  float* values = grid.values.mutable_data();
   const py::gil_scoped_release release;
   std::fill_n(
       values,
@@ -93,11 +93,11 @@ Dense dense(const Lattice& lattice, const py::object& low, const py::object& hig
         std::copy(row + begin.z(), row + end.z(), to + begin.z());
       }
   }
-  return made;
+  return grid;
 }
 
-Eigen::Affine3d scaled(const Eigen::Quaternionf& turn, const Eigen::Vector3f& origin, float voxel_size) {
-  return Eigen::Affine3d(turn.cast<double>()) * Eigen::Translation3d(origin.cast<double>()) *
+Eigen::Affine3d scaled(const Eigen::Quaternionf& rotation, const Eigen::Vector3f& origin, float voxel_size) {
+  return Eigen::Affine3d(rotation.cast<double>()) * Eigen::Translation3d(origin.cast<double>()) *
          Eigen::Scaling(static_cast<double>(voxel_size));
 }
 
@@ -106,8 +106,8 @@ Lattice lattice_of(const DistanceField& field) {
           field.voxel_size(),
           16,
           field.blocks().size(),
-          [&field](std::size_t i) { return field.blocks()[i].first; },
-          [&field](std::size_t i) { return field.blocks()[i].second->data(); }};
+          [&field](std::size_t i) { return field.blocks()[i].index; },
+          [&field](std::size_t i) { return field.blocks()[i].samples->data(); }};
 }
 
 Lattice lattice_of(const Voxels& voxels) {
@@ -144,34 +144,32 @@ py::tuple blocks_of(const DistanceField& field) {
 }
 
 void add_field(py::module_& m) {
-  py::class_<Dense>(m, "DenseGrid", "A box of voxels as one array.")
-      .def_readonly("values", &Dense::values, "(X, Y, Z) float32, metres; NaN where nobody looked.")
+  py::class_<Dense>(m, "DenseGrid", "Box of voxels as one array.")
+      .def_readonly("values", &Dense::values, "(X, Y, Z) float32, meters; NaN: unobserved.")
       .def_property_readonly(
           "world_from_voxel", [](const Dense& d) { return matrix(d.world_from_voxel); },
-          "(4, 4) float64: takes an index (i, j, k, 1) to the point that it samples, metres.")
-      .def_readonly("voxel_size", &Dense::voxel_size, "Metres.")
+          "(4, 4) float64: from an index (i, j, k, 1) to the voxel's position, meters.")
+      .def_readonly("voxel_size", &Dense::voxel_size, "Meters.")
       .def("__repr__",
            [](const Dense& d) { return "DenseGrid of " + std::string(py::str(d.values.attr("shape"))) + " voxels"; });
 
   py::class_<Field>(
       m, "DistanceField",
-      R"(Signed distances to the nearest surface, metres: positive in front of it, negative behind. A field never changes; any
-number of threads may ask.)")
+      R"(Signed distances to the nearest surface, meters: positive in front, negative behind. Immutable, so thread-safe.)")
       .def(
           "query", [](const Field& f, const py::object& points) { return query(*f.field, points); }, py::arg("points"),
           R"(query(self, points)
 --
 
-Distances at points, by all cores: (distances, gradients, known).
+Distances at points: (distances, gradients, known). Uses all cores.
 
-points: (..., 3), metres; (N, 3) float32 is taken without a copy. distances: (...) float32, metres, at most
-max_distance, which also stands for farther; NaN where nobody has seen the place. gradients: (..., 3) float32, unit
-length, away from the nearest surface in front of it; zero where everything is far or nothing is known. known: (...)
-bool.)")
+points: (..., 3), meters; (N, 3) float32 is read without a copy. distances: (...) float32, meters, limited to
+max_distance; NaN in unobserved space. gradients: (..., 3) float32, unit length, direction of increasing distance;
+zero beyond max_distance and in unobserved space. known: (...) bool, True in observed space.)")
       .def_property_readonly(
-          "voxel_size", [](const Field& f) { return f.field->voxel_size(); }, "Metres.")
+          "voxel_size", [](const Field& f) { return f.field->voxel_size(); }, "Meters.")
       .def_property_readonly(
-          "max_distance", [](const Field& f) { return f.field->max_distance(); }, "Metres.")
+          "max_distance", [](const Field& f) { return f.field->max_distance(); }, "Meters.")
       .def_property_readonly(
           "bounds",
           [](const Field& f) -> py::object {
@@ -185,16 +183,16 @@ bool.)")
             std::copy_n(box.max().data(), 3, corners.mutable_data() + 3);
             return corners;
           },
-          "(2, 3) float32, metres, the corners around all that is known, or None.")
+          "(2, 3) float32, meters: lower and upper corner of observed space; None if it is empty.")
       .def_property_readonly(
           "world_from_voxel", [](const Field& f) { return matrix(lattice_of(*f.field).world_from_voxel); },
-          "(4, 4) float64: takes a voxel (i, j, k, 1) to the point that it samples, metres.")
+          "(4, 4) float64: from a voxel index (i, j, k, 1) to its position, meters.")
       .def(
           "blocks", [](const Field& f) { return blocks_of(*f.field); }, R"(blocks(self)
 --
 
-All samples: (places, samples). places: (N, 3) int32; block (i, j, k) starts with voxel 16 (i, j, k). samples:
-(N, 16, 16, 16) float32, metres, by x, y, z; NaN where nobody looked.)")
+All samples: (places, samples). places: (N, 3) int32, block indices; block (i, j, k) starts at voxel 16 (i, j, k).
+samples: (N, 16, 16, 16) float32, meters, by x, y, z; NaN: unobserved.)")
       .def(
           "dense",
           [](const Field& f, const py::object& low, const py::object& high) {
@@ -203,8 +201,7 @@ All samples: (places, samples). places: (N, 3) int32; block (i, j, k) starts wit
           py::arg("low") = py::none(), py::arg("high") = py::none(), R"(dense(self, low=None, high=None)
 --
 
-The voxels of a box as one array, a DenseGrid. low, high: (3,), corners in the world, metres; without them all of the
-field.)")
+Voxels of a box as one array, a DenseGrid. low, high: (3,), corners in the world, meters; default: the entire field.)")
       .def_static(
           "read",
           [](const std::filesystem::path& vdb) {
@@ -224,7 +221,7 @@ Reads the grid 'esdf' of a .vdb file.)")
           py::arg("file"), R"(write(self, file)
 --
 
-Writes the grid 'esdf' to a .vdb file (metres; active where known), whole or not at all.)")
+Writes the grid 'esdf' to a .vdb file, atomically. Values in meters; active in observed space.)")
       .def("__repr__", [](const Field& f) {
         return repr("DistanceField",
                     {{"voxel_size", f.field->voxel_size()}, {"max_distance", f.field->max_distance()}});
@@ -232,45 +229,45 @@ Writes the grid 'esdf' to a .vdb file (metres; active where known), whole or not
 }
 
 void add_voxels(py::module_& m) {
-  const auto shown = [](const py::object& self, const auto& list, std::vector<py::ssize_t> shape) {
+  const auto block_view = [](const py::object& self, const auto& list, std::vector<py::ssize_t> shape) {
     using T = std::remove_cvref_t<decltype(*list)>;
     shape.insert(shape.begin(), static_cast<py::ssize_t>(self.cast<const Voxels&>().blocks.size()));
     return view<T>(list, std::move(shape), self);
   };
   py::class_<Voxels>(
       m, "Voxels",
-      R"(A map's truncated signed distances, in blocks of 8x8x8 voxels: a copy as of when it was asked for. Arrays show its own
-memory.)")
-      .def_readonly("voxel_size", &Voxels::voxel_size, "Metres.")
-      .def_readonly("truncation", &Voxels::truncation, "Metres, on each side of the surface.")
+      R"(Truncated signed distances of a map, in blocks of 8x8x8 voxels: a copy. Arrays are views of its memory.)")
+      .def_readonly("voxel_size", &Voxels::voxel_size, "Meters.")
+      .def_readonly("truncation", &Voxels::truncation, "Meters, on each side of the surface.")
       .def_property_readonly(
           "world_from_voxel", [](const Voxels& v) { return matrix(lattice_of(v).world_from_voxel); },
-          "(4, 4) float64: takes a voxel (i, j, k, 1) to the point that it samples, metres.")
+          "(4, 4) float64: from a voxel index (i, j, k, 1) to its position, meters.")
       .def_property_readonly(
           "places",
-          [shown](const py::object& self) {
-            return shown(self, reinterpret_cast<const std::int32_t*>(self.cast<const Voxels&>().blocks.data()), {3});
+          [block_view](const py::object& self) {
+            return block_view(self, reinterpret_cast<const std::int32_t*>(self.cast<const Voxels&>().blocks.data()),
+                              {3});
           },
-          "(N, 3) int32: block (i, j, k) starts with voxel 8 (i, j, k).")
+          "(N, 3) int32, block indices; block (i, j, k) starts at voxel 8 (i, j, k).")
       .def_property_readonly(
           "distances",
-          [shown](const py::object& self) {
-            return shown(self, self.cast<const Voxels&>().distances.data(), {8, 8, 8});
+          [block_view](const py::object& self) {
+            return block_view(self, self.cast<const Voxels&>().distances.data(), {8, 8, 8});
           },
-          "(N, 8, 8, 8) float32, metres, by x, y, z; 0 where the weight is 0.")
+          "(N, 8, 8, 8) float32, meters, by x, y, z; 0 at weight 0.")
       .def_property_readonly(
           "weights",
-          [shown](const py::object& self) {
-            return shown(self, self.cast<const Voxels&>().weights.data(), {8, 8, 8});
+          [block_view](const py::object& self) {
+            return block_view(self, self.cast<const Voxels&>().weights.data(), {8, 8, 8});
           },
-          "(N, 8, 8, 8) float32, observations at 1 m; 0: never observed.")
+          "(N, 8, 8, 8) float32, observations at 1 m; 0: unobserved.")
       .def_property_readonly(
           "colors",
-          [shown](const py::object& self) {
-            return shown(self, reinterpret_cast<const std::uint8_t*>(self.cast<const Voxels&>().colours.data()),
-                         {8, 8, 8, 4});
+          [block_view](const py::object& self) {
+            return block_view(self, reinterpret_cast<const std::uint8_t*>(self.cast<const Voxels&>().colors.data()),
+                              {8, 8, 8, 4});
           },
-          "(N, 8, 8, 8, 4) uint8: R, G, B (sRGB), and its weight; 0: no color was seen.")
+          "(N, 8, 8, 8, 4) uint8: R, G, B (sRGB), and the weight of the color; 0: no color.")
       .def(
           "dense",
           [](const Voxels& voxels, const py::object& low, const py::object& high) {
@@ -283,8 +280,8 @@ memory.)")
           py::arg("low") = py::none(), py::arg("high") = py::none(), R"(dense(self, low=None, high=None)
 --
 
-The distances of a box as one array, a DenseGrid, NaN where nothing was observed. low, high: (3,), corners in the world,
-metres; without them all of the map.)")
+Distances of a box as one array, a DenseGrid; NaN: unobserved. low, high: (3,), corners in the world, meters; default:
+the entire map.)")
       .def("__repr__", [](const Voxels& v) {
         return "Voxels of " + std::to_string(v.voxel_size) + " m in " + std::to_string(v.blocks.size()) + " blocks";
       });
@@ -315,16 +312,16 @@ py::object distances(Guard& guard, const py::object& points, const std::optional
                      const std::function<std::shared_ptr<const DistanceField>(const std::optional<EsdfOptions>&,
                                                                               const Trajectory&)>& make) {
   const Trajectory poses = visited.is_none() ? Trajectory{} : visited.cast<const StampedPoses&>().poses;
-  const bool is_usual = !options && poses.empty();
-  const auto field = guard.run([&] {
-    if (is_usual && guard.distances && guard.distances_version == guard.version) return guard.distances;
-    auto made = make(options, poses);
-    if (is_usual) guard.distances = made, guard.distances_version = guard.version;
-    return made;
+  const bool is_default = !options && poses.empty();
+  const auto result = guard.run([&] {
+    if (is_default && guard.distances && guard.distances_version == guard.version) return guard.distances;
+    auto field = make(options, poses);
+    if (is_default) guard.distances = field, guard.distances_version = guard.version;
+    return field;
   });
   check_signals();
-  if (points.is_none()) return py::cast(Field{field});
-  return query(*field, points);
+  if (points.is_none()) return py::cast(Field{result});
+  return query(*result, points);
 }
 
 void add_distances(py::module_& m) {

@@ -7,9 +7,9 @@
 #include <memory>
 #include <optional>
 
-#include "cairn/esdf.hpp"
-#include "cairn/trajectory.hpp"
-#include "cairn/voxels.hpp"
+#include "cairn/mapping/esdf.hpp"
+#include "cairn/mapping/trajectory.hpp"
+#include "cairn/mapping/voxels.hpp"
 #include "guard.hpp"
 
 namespace cairn::python {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 
 #include <pybind11/stl.h>
 
-#include "cairn/reports.hpp"
+#include "cairn/mapping/reports.hpp"
 #include "distances.hpp"
 #include "frames.hpp"
 #include "module.hpp"
@@ -16,11 +16,11 @@ namespace cairn::python {
 namespace {
 
 void add_results(py::module_& m) {
-  py::class_<ErrorStatistics>(m, "ErrorStatistics", "Errors in a few numbers.")
+  py::class_<ErrorStatistics>(m, "ErrorStatistics", "Statistics of a set of errors.")
       .def_readonly("rmse", &ErrorStatistics::rmse)
       .def_readonly("mean", &ErrorStatistics::mean)
       .def_readonly("median", &ErrorStatistics::median)
-      .def_readonly("p95", &ErrorStatistics::p95, "That 95 % do not exceed.")
+      .def_readonly("p95", &ErrorStatistics::p95, "95th percentile.")
       .def_readonly("max", &ErrorStatistics::max)
       .def_readonly("count", &ErrorStatistics::count)
       .def("__repr__", [](const ErrorStatistics& e) {
@@ -31,23 +31,23 @@ void add_results(py::module_& m) {
                                         {"max", e.max},
                                         {"count", e.count}});
       });
-  py::class_<TrajectoryError>(m, "TrajectoryError",
-                              "ATE and RPE as the TUM benchmark defines them (Sturm et al. 2012).")
-      .def_readonly("ate", &TrajectoryError::ate, "Metres, after the alignment of Horn 1987.")
-      .def_readonly("rpe_translation", &TrajectoryError::rpe_translation, "Metres over rpe_interval.")
+  py::class_<TrajectoryError>(m, "TrajectoryError", "ATE and RPE as defined by the TUM benchmark (Sturm et al. 2012).")
+      .def_readonly("ate", &TrajectoryError::ate, "Meters, after the alignment of Horn 1987.")
+      .def_readonly("rpe_translation", &TrajectoryError::rpe_translation, "Meters over rpe_interval.")
       .def_readonly("rpe_rotation", &TrajectoryError::rpe_rotation, "Radians over rpe_interval.")
       .def_readonly("rpe_interval", &TrajectoryError::rpe_interval, "Seconds.")
       .def_readonly("estimated_poses", &TrajectoryError::estimated_poses)
-      .def_readonly("matched_poses", &TrajectoryError::matched_poses, "Of them, with a true pose, one to one.")
+      .def_readonly("matched_poses", &TrajectoryError::matched_poses,
+                    "Number of estimated poses matched one to one with true poses.")
       .def_property_readonly(
           "truth_from_estimate", [](const TrajectoryError& e) { return to_numpy(e.truth_from_estimate); },
-          "(4, 4) float64.")
+          "(4, 4) float64: alignment of the trajectories.")
       .def("__repr__", [](const TrajectoryError& e) {
         return repr("TrajectoryError",
                     {{"ate", e.ate}, {"rpe_translation", e.rpe_translation}, {"matched_poses", e.matched_poses}});
       });
-  py::class_<MeshError::AtThreshold>(m, "AtThreshold", "Shares of the surfaces within a distance of each other.")
-      .def_readonly("threshold", &MeshError::AtThreshold::threshold, "Metres.")
+  py::class_<MeshError::AtThreshold>(m, "AtThreshold", "Fractions of the surfaces within a distance of each other.")
+      .def_readonly("threshold", &MeshError::AtThreshold::threshold, "Meters.")
       .def_readonly("precision", &MeshError::AtThreshold::precision)
       .def_readonly("recall", &MeshError::AtThreshold::recall)
       .def_readonly("f_score", &MeshError::AtThreshold::f_score)
@@ -56,56 +56,58 @@ void add_results(py::module_& m) {
             "AtThreshold",
             {{"threshold", t.threshold}, {"precision", t.precision}, {"recall", t.recall}, {"f_score", t.f_score}});
       });
-  py::class_<MeshError>(m, "MeshError", "How well two surfaces agree.")
-      .def_readonly("accuracy", &MeshError::accuracy, "Metres, from samples of the estimate to the truth's surface.")
+  py::class_<MeshError>(m, "MeshError", "Errors of a surface against the true surface.")
+      .def_readonly("accuracy", &MeshError::accuracy, "Meters, from samples of the estimate to the true surface.")
       .def_readonly("completeness", &MeshError::completeness,
-                    "Metres, from samples of the truth to the estimate's surface.")
+                    "Meters, from samples of the true surface to the estimate.")
       .def_property_readonly(
           "at", [](const MeshError& e) { return py::tuple(py::cast(e.at)); }, "AtThreshold for 1, 2 and 5 cm.")
       .def("__repr__", [](const MeshError& e) {
         return repr("MeshError", {{"accuracy", e.accuracy}, {"completeness", e.completeness}});
       });
-  py::class_<MeshTopology>(m, "MeshTopology", "How a mesh's triangles hang together.")
-      .def_readonly("non_manifold_edges", &MeshTopology::non_manifold_edges, "Of more than two triangles.")
+  py::class_<MeshTopology>(m, "MeshTopology", "Topology of a mesh.")
+      .def_readonly("non_manifold_edges", &MeshTopology::non_manifold_edges,
+                    "Number of edges with more than two triangles.")
       .def_readonly("non_manifold_vertices", &MeshTopology::non_manifold_vertices,
-                    "Whose triangles do not all hang together by sides that end there.")
+                    "Number of vertices whose triangles are not all connected by edges at the vertex.")
       .def_readonly("coincident_triangles", &MeshTopology::coincident_triangles,
-                    "With the three vertices of another one.")
+                    "Number of triangles with the three vertices of another triangle.")
       .def_readonly("degenerate_triangles", &MeshTopology::degenerate_triangles)
       .def_readonly("unreferenced_vertices", &MeshTopology::unreferenced_vertices)
-      .def_readonly("components", &MeshTopology::components, "That no vertex joins.")
+      .def_readonly("components", &MeshTopology::components, "Number of connected components, by shared vertices.")
       .def_readonly("borders", &MeshTopology::borders)
       .def_readonly("border_edges", &MeshTopology::border_edges)
-      .def_readonly("border_length", &MeshTopology::border_length, "Metres.")
+      .def_readonly("border_length", &MeshTopology::border_length, "Meters.")
       .def("__repr__", [](const MeshTopology& t) {
         return repr(
             "MeshTopology",
             {{"components", t.components}, {"non_manifold_edges", t.non_manifold_edges}, {"borders", t.borders}});
       });
-  py::class_<DistanceError>(m, "DistanceError", "A distance field against a scene's exact distances.")
-      .def_readonly("distance", &DistanceError::distance, "Metres, absolute.")
-      .def_readonly("within_voxel", &DistanceError::within_voxel, "Share of these that are less than a voxel.")
+  py::class_<DistanceError>(m, "DistanceError", "Errors of a distance field against a scene's exact distances.")
+      .def_readonly("distance", &DistanceError::distance, "Absolute errors, meters.")
+      .def_readonly("within_voxel", &DistanceError::within_voxel, "Fraction of errors below a voxel.")
       .def_readonly("gradient_mean", &DistanceError::gradient_mean,
-                    "Radians between the field's gradient and the true one.")
+                    "Mean angle between the field's and the true gradient, radians.")
       .def_readonly("right_signs", &DistanceError::right_signs)
       .def_readonly("signs", &DistanceError::signs)
-      .def_readonly("known", &DistanceError::known, "Points looked at.")
+      .def_readonly("known", &DistanceError::known, "Number of points compared.")
       .def("__repr__", [](const DistanceError& e) {
         return repr("DistanceError", {{"distance", e.distance}, {"within_voxel", e.within_voxel}});
       });
-  py::class_<LoopError>(m, "LoopError", "How well places were recognised.")
+  py::class_<LoopError>(m, "LoopError", "Precision and recall of loop closures.")
       .def_readonly("loops", &LoopError::loops)
-      .def_readonly("right", &LoopError::right, "Within 10 cm and 5 degrees of the true one.")
-      .def_readonly("revisits", &LoopError::revisits, "Keyframes that look at an earlier place.")
-      .def_readonly("found", &LoopError::found, "Those of them with a right loop.")
+      .def_readonly("right", &LoopError::right,
+                    "Number of loop closures within 10 cm and 5 degrees of the true relative pose.")
+      .def_readonly("revisits", &LoopError::revisits, "Number of keyframes that see an earlier place.")
+      .def_readonly("found", &LoopError::found, "Number of revisits with a correct loop closure.")
       .def("__repr__", [](const LoopError& e) {
         return repr("LoopError",
                     {{"loops", e.loops}, {"right", e.right}, {"revisits", e.revisits}, {"found", e.found}});
       });
-  py::class_<ViewError>(m, "ViewError", "How well pictures of a mesh agree with a recording's.")
-      .def_readonly("psnr", &ViewError::psnr, "dB.")
+  py::class_<ViewError>(m, "ViewError", "Error of renderings of a mesh against the images of a recording.")
+      .def_readonly("psnr", &ViewError::psnr, "Peak signal-to-noise ratio, dB.")
       .def_readonly("covered", &ViewError::covered,
-                    "Share of the depth pixels where the mesh lies within 5 cm: these are compared.")
+                    "Fraction of the depth pixels within 5 cm of the mesh; only these are compared.")
       .def_readonly("frames", &ViewError::frames)
       .def("__repr__", [](const ViewError& e) {
         return repr("ViewError", {{"psnr", e.psnr}, {"covered", e.covered}, {"frames", e.frames}});
@@ -153,11 +155,13 @@ void add_functions(py::module_& m) {
       "evaluate_loops",
       [](const std::vector<FoundLoop>& loops, const std::vector<std::pair<double, int>>& keyframes,
          const StampedPoses& truth, double difference) {
-        std::vector<LoopMeasured> measured;
+        std::vector<MeasuredLoop> measured;
         for (const FoundLoop& loop : loops)
           if (loop.inlier) measured.push_back({loop.from, loop.to, loop.i_from_j});
+        std::vector<KeyframeInfo> infos;
+        for (const auto& [timestamp, searched] : keyframes) infos.push_back({timestamp, searched});
         const py::gil_scoped_release release;
-        return evaluate_loops(measured, keyframes, truth.poses, difference);
+        return evaluate_loops(measured, infos, truth.poses, difference);
       },
       py::arg("loops"), py::arg("keyframes"), py::arg("truth"), py::arg("max_time_difference") = 0.1,
       "evaluate_loops(loops, keyframes, truth, max_time_difference=0.1)\n--\n\n");

@@ -18,50 +18,51 @@ namespace {
 
 using Bytes = py::array_t<std::uint8_t, py::array::c_style>;
 
-std::string in_words(const std::array<py::ssize_t, 2>& size) {
+std::string to_string(const std::array<py::ssize_t, 2>& size) {
   return "(" + std::to_string(size[0]) + ", " + std::to_string(size[1]) + ")";
 }
 
 void expect_size(const char* name, const std::array<py::ssize_t, 2>& size, const Camera& camera) {
   if (const std::array<py::ssize_t, 2> expected{camera.height, camera.width}; size != expected)
-    throw py::value_error(std::string(name) + " has the shape " + in_words(size) + "; the rig's camera has " +
-                          in_words(expected) + " (rows, columns)");
+    throw py::value_error(std::string(name) + " has the shape " + to_string(size) + "; the rig's camera has " +
+                          to_string(expected) + " (rows, columns)");
 }
 
 py::array image_of(const py::object& value, const char* name, const char* expected) {
   if (!py::isinstance<py::array>(value))
-    throw py::type_error(std::string(name) + " is " + told(value) + "; " + expected + " is expected");
+    throw py::type_error(std::string(name) + " is " + description_of(value) + "; " + expected + " is expected");
   return py::reinterpret_borrow<py::array>(value);
 }
 
 void expect_measurements(const std::vector<float>& depth) {
-  // The bits of finite values of at least 0 range from 0 to kLargest, so neither difference has its sign bit set.
+  // The bits of finite values of at least 0 range from 0 to kLargestFloat, so neither difference has its sign bit set.
   // Without a branch, the loop is vectorized.
-  constexpr std::int32_t kLargest = 0x7f7fffff;
+  constexpr std::int32_t kLargestFloat = 0x7f7fffff;
   std::int32_t signs = 0;
   for (const float z : depth) {
     const auto bits = std::bit_cast<std::int32_t>(z);
-    signs |= bits | (kLargest - (bits & 0x7fffffff));
+    signs |= bits | (kLargestFloat - (bits & 0x7fffffff));
   }
   if (signs >= 0) return;
-  const auto wrong = std::count_if(depth.begin(), depth.end(), [](float z) { return !(z >= 0 && std::isfinite(z)); });
-  if (wrong == 0) return;  // negative zeros
-  throw py::value_error("depth holds " + std::to_string(wrong) +
-                        " values that are negative or no number; give 0 where nothing was measured (numpy.nan_to_num)");
+  const auto invalid = std::count_if(depth.begin(), depth.end(), [](float z) { return !(z >= 0 && std::isfinite(z)); });
+  if (invalid == 0) return;  // negative zeros
+  throw py::value_error("depth has " + std::to_string(invalid) +
+                        " negative or non-finite values; set missing measurements to 0 (numpy.nan_to_num)");
 }
 
 void fill_depth(SizedFrame& to, const py::object& value, const py::object& depth_scale) {
-  constexpr const char* kExpected = "an array of shape (rows, columns), float32 in metres or uint16 with depth_scale,";
+  constexpr const char* kExpected = "an array of shape (rows, columns), float32 in meters or uint16 with depth_scale,";
   const py::array array = image_of(value, "depth", kExpected);
-  if (array.ndim() != 2) throw py::value_error("depth is " + told(array) + "; " + kExpected + " is expected");
+  if (array.ndim() != 2) throw py::value_error("depth is " + description_of(array) + "; " + kExpected + " is expected");
   const char kind = array.dtype().kind();
   if (kind != 'f' && kind != 'u' && kind != 'i')
-    throw py::type_error("depth is " + told(array) + "; " + kExpected + " is expected");
+    throw py::type_error("depth is " + description_of(array) + "; " + kExpected + " is expected");
   if (kind != 'f' && depth_scale.is_none())
-    throw py::value_error("depth is " + told(array) + ": give depth_scale, its units per metre (1000 for millimetres)");
+    throw py::value_error("depth is " + description_of(array) +
+                          ": give depth_scale, its units per meter (1000 for millimeters)");
   const double scale = depth_scale.is_none() ? 1.0 : depth_scale.cast<double>();
   if (!(scale > 0 && std::isfinite(scale)))
-    throw py::value_error("depth_scale is " + std::string(py::str(depth_scale)) + "; units per metre are expected");
+    throw py::value_error("depth_scale is " + std::string(py::str(depth_scale)) + "; units per meter are expected");
   to.depth_size = {array.shape(0), array.shape(1)};
   to.frame.depth.resize(static_cast<std::size_t>(array.size()));
   if (array.dtype().is(py::dtype::of<std::uint16_t>())) {
@@ -70,9 +71,9 @@ void fill_depth(SizedFrame& to, const py::object& value, const py::object& depth
     std::transform(units.data(), units.data() + units.size(), to.frame.depth.begin(),
                    [scale](std::uint16_t d) { return static_cast<float>(d / scale); });
   } else {
-    const auto metres = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
+    const auto meters = py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
     const py::gil_scoped_release release;
-    std::memcpy(to.frame.depth.data(), metres.data(), sizeof(float) * static_cast<std::size_t>(metres.size()));
+    std::memcpy(to.frame.depth.data(), meters.data(), sizeof(float) * static_cast<std::size_t>(meters.size()));
     if (scale != 1)
       for (float& z : to.frame.depth) z = static_cast<float>(z / scale);
   }
@@ -81,7 +82,7 @@ void fill_depth(SizedFrame& to, const py::object& value, const py::object& depth
 
 /// Converts pixels of kChannels bytes to R, G, B, 255; reads four bytes at once except for the last pixel.
 template <int kChannels>
-void copy_colour(const std::uint8_t* from, std::vector<std::uint32_t>& to) {
+void copy_color(const std::uint8_t* from, std::vector<std::uint32_t>& to) {
   if (to.empty()) return;
   for (std::size_t i = 0; i + 1 < to.size(); ++i) {
     std::uint32_t word = 0;
@@ -93,25 +94,26 @@ void copy_colour(const std::uint8_t* from, std::vector<std::uint32_t>& to) {
   to.back() = 0xff000000u | last;
 }
 
-void fill_colour(SizedFrame& to, const py::object& value) {
-  to.frame.colour.clear();
-  to.colour_size = {};
+void fill_color(SizedFrame& to, const py::object& value) {
+  to.frame.color.clear();
+  to.color_size = {};
   if (value.is_none()) return;
-  constexpr const char* kExpected = "uint8 of shape (rows, columns, 3), R, G, B, or 4 with what is not looked at,";
+  constexpr const char* kExpected =
+      "uint8 of shape (rows, columns, 3), R, G, B, or (rows, columns, 4) with an ignored channel,";
   const py::array array = image_of(value, "color", kExpected);
   if (!array.dtype().is(py::dtype::of<std::uint8_t>()))
-    throw py::type_error("color is " + told(array) + "; " + kExpected + " is expected");
+    throw py::type_error("color is " + description_of(array) + "; " + kExpected + " is expected");
   if (array.ndim() != 3 || (array.shape(2) != 3 && array.shape(2) != 4))
-    throw py::value_error("color is " + told(array) + "; " + kExpected + " is expected");
+    throw py::value_error("color is " + description_of(array) + "; " + kExpected + " is expected");
   const auto bytes = Bytes::ensure(array);
-  to.colour_size = {array.shape(0), array.shape(1)};
-  to.frame.colour.resize(static_cast<std::size_t>(array.shape(0) * array.shape(1)));
+  to.color_size = {array.shape(0), array.shape(1)};
+  to.frame.color.resize(static_cast<std::size_t>(array.shape(0) * array.shape(1)));
   const std::uint8_t* from = bytes.data();
   const py::gil_scoped_release release;
   if (array.shape(2) == 4)
-    copy_colour<4>(from, to.frame.colour);
+    copy_color<4>(from, to.frame.color);
   else
-    copy_colour<3>(from, to.frame.colour);
+    copy_color<3>(from, to.frame.color);
 }
 
 void fill_confidence(SizedFrame& to, const py::object& value) {
@@ -120,8 +122,8 @@ void fill_confidence(SizedFrame& to, const py::object& value) {
   const py::array array = image_of(value, "confidence", "uint8 of depth's shape");
   if (!array.dtype().is(py::dtype::of<std::uint8_t>()) || array.ndim() != 2 || array.shape(0) != to.depth_size[0] ||
       array.shape(1) != to.depth_size[1])
-    throw py::value_error("confidence is " + told(array) + "; uint8 of depth's shape " + in_words(to.depth_size) +
-                          " is expected, 0 to 255 (sure)");
+    throw py::value_error("confidence is " + description_of(array) + "; uint8 of depth's shape " +
+                          to_string(to.depth_size) + " is expected, 0 to 255 (certain)");
   const auto bytes = Bytes::ensure(array);
   to.frame.confidence.assign(bytes.data(), bytes.data() + bytes.size());
 }
@@ -131,7 +133,8 @@ std::vector<AngularRate> rates_of(const py::object& value) {
   const auto numbers = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(value);
   if (!numbers || numbers.ndim() != 2 || numbers.shape(1) != 4) {
     PyErr_Clear();
-    throw py::value_error("gyro is " + told(value) + "; (N, 4) is expected: seconds, and rad/s about x, y, z");
+    throw py::value_error("gyro is " + description_of(value) +
+                          "; (N, 4) is expected: seconds, and rad/s about x, y, z");
   }
   std::vector<AngularRate> rates;
   for (py::ssize_t i = 0; i < numbers.shape(0); ++i)
@@ -140,7 +143,7 @@ std::vector<AngularRate> rates_of(const py::object& value) {
 }
 
 double time_of(const py::object& value) {
-  if (value.is_none()) throw py::type_error("time is missing: seconds, which increase from frame to frame");
+  if (value.is_none()) throw py::type_error("time is missing: seconds, increasing from frame to frame");
   const double time = value.cast<double>();
   if (!std::isfinite(time)) throw py::value_error("time is " + std::string(py::str(value)) + "; seconds are expected");
   return time;
@@ -152,12 +155,12 @@ py::object depth_of(const py::object& self) {
   return view(f.frame.depth.data(), {f.depth_size[0], f.depth_size[1]}, self);
 }
 
-py::object colour_of(const py::object& self) {
+py::object color_of(const py::object& self) {
   const auto& f = self.cast<const SizedFrame&>();
-  if (f.frame.colour.empty()) return py::none();
-  return py::array_t<std::uint8_t>({f.colour_size[0], f.colour_size[1], py::ssize_t{3}},
-                                   {4 * f.colour_size[1], py::ssize_t{4}, py::ssize_t{1}},
-                                   reinterpret_cast<const std::uint8_t*>(f.frame.colour.data()), self);
+  if (f.frame.color.empty()) return py::none();
+  return py::array_t<std::uint8_t>({f.color_size[0], f.color_size[1], py::ssize_t{3}},
+                                   {4 * f.color_size[1], py::ssize_t{4}, py::ssize_t{1}},
+                                   reinterpret_cast<const std::uint8_t*>(f.frame.color.data()), self);
 }
 
 py::object confidence_of(const py::object& self) {
@@ -179,7 +182,7 @@ Doubles gyro_of(const SizedFrame& f) {
 void expect_images_of(const Rig& rig, const SizedFrame& frame) {
   if (frame.frame.problem) throw py::value_error("the frame has no images: " + *frame.frame.problem);
   expect_size("depth", frame.depth_size, rig.depth);
-  if (!frame.frame.colour.empty()) expect_size("color", frame.colour_size, rig.colour_view());
+  if (!frame.frame.color.empty()) expect_size("color", frame.color_size, rig.color_view());
 }
 
 void fill(SizedFrame& to, const FrameParts& parts, int index, const Rig* rig) {
@@ -187,10 +190,10 @@ void fill(SizedFrame& to, const FrameParts& parts, int index, const Rig* rig) {
   to.frame.index = index;
   to.frame.timestamp = time_of(parts.time);
   fill_depth(to, parts.depth, parts.depth_scale);
-  fill_colour(to, parts.colour);
+  fill_color(to, parts.color);
   if (rig != nullptr) expect_images_of(*rig, to);
   fill_confidence(to, parts.confidence);
-  to.frame.colour_delay = parts.colour_delay;
+  to.frame.color_delay = parts.color_delay;
   to.frame.world_from_camera = optional_pose_of(parts.pose, "pose");
   to.frame.guess = optional_pose_of(parts.guess, "guess");
   to.frame.acceleration.reset();
@@ -205,23 +208,23 @@ void add_frames(py::module_& m) {
       R"(Frame(depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
 --
 
-One moment of a sensor.
+One RGB-D frame.
 
-depth: (rows, columns), float32 metres along z, or uint16 with depth_scale, its units per metre; 0 where nothing was
-measured. color: (rows, columns, 3 or 4) uint8, R, G, B (sRGB). time: seconds, which increase from frame to frame.
-confidence: uint8 of depth's shape, 0 to 255 (sure). color_delay: seconds from the depth image's time to the color
-image's. pose: (4, 4), world_from_camera, where it is known. guess: (4, 4), where somebody else takes the camera to be,
-in a world of its own. acceleration: (3,), what an accelerometer measures, m/s^2 in the camera's frame, at rest 9.81
-upwards. gyro: (N, 4), seconds and rad/s about x, y, z, since the frame before. held_out: only for judging the map
-afterwards; a Mapper finds its pose, and nothing that it shows gets into the map.)")
+depth: (rows, columns), float32 meters along z, or uint16 with depth_scale in units per meter; 0: no measurement.
+color: (rows, columns, 3 or 4) uint8, R, G, B (sRGB). time: seconds, increasing from frame to frame. confidence: uint8
+of depth's shape, 0 to 255 (certain). color_delay: seconds from the depth timestamp to the color timestamp. pose: (4,
+4), world_from_camera, if known. guess: (4, 4), world_from_camera of an external odometry, in its own world frame.
+acceleration: (3,), accelerometer reading, m/s^2 in the camera's frame; at rest 9.81 upward. gyro: (N, 4), seconds and
+rad/s about x, y, z, since the previous frame. held_out: for evaluation; a Mapper estimates the pose but does not add
+the frame to the map.)")
       .def(
-          py::init([](py::object depth, py::object colour, py::object time, int index, py::object depth_scale,
-                      py::object confidence, double colour_delay, py::object pose, py::object guess,
+          py::init([](py::object depth, py::object color, py::object time, int index, py::object depth_scale,
+                      py::object confidence, double color_delay, py::object pose, py::object guess,
                       py::object acceleration, py::object gyro, bool held_out) {
             auto frame = std::make_shared<SizedFrame>();
             fill(*frame,
-                 {std::move(depth), std::move(colour), std::move(time), std::move(depth_scale), std::move(confidence),
-                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), colour_delay, held_out},
+                 {std::move(depth), std::move(color), std::move(time), std::move(depth_scale), std::move(confidence),
+                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), color_delay, held_out},
                  index, nullptr);
             return frame;
           }),
@@ -234,26 +237,26 @@ afterwards; a Mapper finds its pose, and nothing that it shows gets into the map
 
 )")
       .def_property_readonly(
-          "index", [](const SizedFrame& f) { return f.frame.index; }, "Counted from 0 over all of its source.")
+          "index", [](const SizedFrame& f) { return f.frame.index; }, "Position in the source, counted from 0.")
       .def_property_readonly(
           "time", [](const SizedFrame& f) { return f.frame.timestamp; }, "Seconds.")
       .def_property_readonly("depth", &depth_of,
-                             "(rows, columns) float32, metres; 0: no measurement. None where the frame could not be "
-                             "read. Shows the frame's own memory.")
-      .def_property_readonly("color", &colour_of,
-                             "(rows, columns, 3) uint8, R, G, B, or None. Shows the frame's own memory.")
-      .def_property_readonly("confidence", &confidence_of, "(rows, columns) uint8, 0 to 255 (sure), or None.")
+                             "(rows, columns) float32, meters; 0: no measurement. None for an unreadable frame. A view "
+                             "of the frame's memory.")
+      .def_property_readonly("color", &color_of,
+                             "(rows, columns, 3) uint8, R, G, B, or None. A view of the frame's memory.")
+      .def_property_readonly("confidence", &confidence_of, "(rows, columns) uint8, 0 to 255 (certain), or None.")
       .def_property_readonly(
-          "color_delay", [](const SizedFrame& f) { return f.frame.colour_delay; },
-          "Seconds from the depth image's time to the color image's.")
+          "color_delay", [](const SizedFrame& f) { return f.frame.color_delay; },
+          "Seconds from the depth timestamp to the color timestamp.")
       .def_property(
           "pose", [](const SizedFrame& f) { return to_numpy(f.frame.world_from_camera); },
           [](SizedFrame& f, const py::object& pose) { f.frame.world_from_camera = optional_pose_of(pose, "pose"); },
-          "(4, 4) float64, world_from_camera, that came with the frame, or None. Can be set.")
+          "(4, 4) float64, given world_from_camera, or None. Writable.")
       .def_property(
           "guess", [](const SizedFrame& f) { return to_numpy(f.frame.guess); },
           [](SizedFrame& f, const py::object& pose) { f.frame.guess = optional_pose_of(pose, "guess"); },
-          "(4, 4) float64, where somebody else takes the camera to be, or None. Can be set.")
+          "(4, 4) float64, world_from_camera of an external odometry, or None. Writable.")
       .def_property_readonly(
           "acceleration",
           [](const SizedFrame& f) -> py::object {
@@ -264,13 +267,13 @@ afterwards; a Mapper finds its pose, and nothing that it shows gets into the map
       .def_property(
           "held_out", [](const SizedFrame& f) { return f.frame.held_out; },
           [](SizedFrame& f, bool held_out) { f.frame.held_out = held_out; },
-          "Only for judging the map: nothing that it shows gets into it. Can be set.")
+          "Held out for evaluation: not added to the map. Writable.")
       .def_property_readonly(
-          "problem", [](const SizedFrame& f) { return f.frame.problem; }, "Why the frame could not be read, or None.")
+          "problem", [](const SizedFrame& f) { return f.frame.problem; }, "Reason for an unreadable frame, or None.")
       .def("__repr__", [](const SizedFrame& f) {
         return repr(
             "Frame",
-            {{"index", f.frame.index}, {"time", f.frame.timestamp}, {"depth", f.depth_size}, {"color", f.colour_size}});
+            {{"index", f.frame.index}, {"time", f.frame.timestamp}, {"depth", f.depth_size}, {"color", f.color_size}});
       });
 }
 

@@ -6,7 +6,7 @@
 #include <array>
 #include <memory>
 
-#include "cairn/frame.hpp"
+#include "cairn/mapping/frame.hpp"
 #include "guard.hpp"
 #include "numpy.hpp"
 
@@ -15,13 +15,13 @@ namespace cairn::python {
 /// Frame with the sizes of its images: rows, columns.
 struct SizedFrame {
   Frame frame;
-  std::array<py::ssize_t, 2> depth_size{}, colour_size{};
+  std::array<py::ssize_t, 2> depth_size{}, color_size{};
 };
 
 /// Arguments of a frame from Python.
 struct FrameParts {
-  py::object depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro;
-  double colour_delay = 0;
+  py::object depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro;
+  double color_delay = 0;
   bool held_out = false;
 };
 /// Fills a frame and reuses its memory. Throws ValueError, TypeError with the given and the expected value; also for

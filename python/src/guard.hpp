@@ -10,9 +10,10 @@
 #include <mutex>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
-#include "cairn/esdf.hpp"
-#include "cairn/export.hpp"
+#include "cairn/mapping/esdf.hpp"
+#include "cairn/mapping/export.hpp"
 
 namespace cairn::python {
 
@@ -25,11 +26,29 @@ class Guard {
   template <class Work>
   auto run(Work&& work) {
     const py::gil_scoped_release release;
-    if (owner_.load() == std::this_thread::get_id())
-      throw std::runtime_error("a callback cannot use what is calling it: wait until that call has returned");
+    return run_released(std::forward<Work>(work));
+  }
+  /// As run(), for callers that do not hold the interpreter's lock.
+  template <class Work>
+  auto run_released(Work&& work) {
+    expect_no_callback();
     const std::lock_guard lock(mutex_);
     const Owner owner(owner_);
     return work();
+  }
+  /// As run(), for destructors: in a callback, `work` runs at once.
+  template <class Work>
+  void run_in_destructor(Work&& work) {
+    const py::gil_scoped_release release;
+    if (is_callback()) return work();
+    const std::lock_guard lock(mutex_);
+    const Owner owner(owner_);
+    work();
+  }
+  /// Throws if this thread runs a callback of a guarded call.
+  void expect_no_callback() const {
+    if (is_callback())
+      throw std::runtime_error("a callback cannot use the object that called it: wait until the call has returned");
   }
   /// As run(), for changes of the map.
   template <class Work>
@@ -53,6 +72,8 @@ class Guard {
     Owner& operator=(const Owner&) = delete;
     std::atomic<std::thread::id>& owner;
   };
+  [[nodiscard]] bool is_callback() const { return owner_.load() == std::this_thread::get_id(); }
+
   std::mutex mutex_;
   std::atomic<std::thread::id> owner_;
 };
@@ -65,14 +86,14 @@ inline void check_signals() {
 /// Calls `progress` (None or callable) with done, count and the next step, and checks for Ctrl-C between two steps.
 [[nodiscard]] inline ExportProgress progress_to(py::object progress) {
   // The last copy may be destroyed without the interpreter's lock.
-  const std::shared_ptr<py::object> to(new py::object(std::move(progress)), [](py::object* p) {
+  const std::shared_ptr<py::object> callback(new py::object(std::move(progress)), [](py::object* p) {
     const py::gil_scoped_acquire acquire;
     delete p;
   });
-  return [to](int done, int count, const std::string& what) {
+  return [callback](int done, int count, const std::string& step) {
     const py::gil_scoped_acquire acquire;
     check_signals();
-    if (!to->is_none()) (*to)(done, count, what);
+    if (!callback->is_none()) (*callback)(done, count, step);
   };
 }
 

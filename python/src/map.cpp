@@ -8,8 +8,8 @@
 #include <string>
 #include <tuple>
 
-#include "cairn/file_name.hpp"
-#include "cairn/no_texture.hpp"
+#include "base/file_name.hpp"
+#include "base/no_texture.hpp"
 #include "distances.hpp"
 #include "module.hpp"
 #include "numpy.hpp"
@@ -23,42 +23,42 @@ namespace fs = std::filesystem;
 
 Compression compression_of(const std::optional<std::string>& name) {
   if (!name || *name == "none") return Compression::none;
-  if (*name == "quantised") return Compression::quantised;
+  if (*name == "quantized") return Compression::quantized;
   if (*name == "meshopt") return Compression::meshopt;
   if (*name == "draco") return Compression::draco;
-  throw py::value_error("compress is '" + *name + "'; quantised, meshopt or draco is expected");
+  throw py::value_error("compress is '" + *name + "'; quantized, meshopt or draco is expected");
 }
 
 Axes axes_of(const std::string& name) {
   for (const Axes axes : {Axes::world, Axes::y_up, Axes::z_up})
-    if (name == name_of(axes)) return axes;
+    if (name == to_string(axes)) return axes;
   throw py::value_error("axes is '" + name + "'; world, yup or zup is expected");
 }
 
-GeoPlace place_of(const py::handle& value) {
+GeoPlace geo_place_of(const py::handle& value) {
   const auto [latitude, longitude, height, heading] = value.cast<std::tuple<double, double, double, double>>();
   return {.latitude = latitude, .longitude = longitude, .height = height, .heading = heading};
 }
 
 /// Default of `texture`: on if there is color.
-Exported export_mesh(GuardedMap& map, const fs::path& file, ExportOptions options, std::optional<bool> texture,
-                     const py::object& progress) {
+ExportReport export_mesh(GuardedMap& map, const fs::path& file, ExportOptions options, std::optional<bool> texture,
+                         const py::object& progress) {
   options.texture.enabled = texture.value_or(true);
-  const ExportProgress told = progress_to(progress);
+  const ExportProgress callback = progress_to(progress);
   const std::string kind = extension_of(file);
   if (!texture && (kind == ".ply" || kind == ".stl")) options.texture.enabled = false;
   return map.guard->run([&] {
     try {
-      return map.map.export_mesh(file, options, told);
+      return map.map.export_mesh(file, options, callback);
     } catch (const NoTexture&) {
       if (texture) throw;
     }
     options.texture.enabled = false;
-    return map.map.export_mesh(file, options, told);
+    return map.map.export_mesh(file, options, callback);
   });
 }
 
-std::optional<Exported> export_file(GuardedMap& map, const fs::path& file, const py::kwargs& given) {
+std::optional<ExportReport> export_file(GuardedMap& map, const fs::path& file, const py::kwargs& given) {
   ExportOptions o;
   std::optional<bool> texture;
   py::object progress = py::none();
@@ -102,7 +102,7 @@ std::optional<Exported> export_file(GuardedMap& map, const fs::path& file, const
     else if (name == "axes")
       o.axes = axes_of(value.cast<std::string>());
     else if (name == "geo")
-      o.geo = place_of(value);
+      o.geo = geo_place_of(value);
     else if (name == "progress")
       progress = py::reinterpret_borrow<py::object>(value);
     else
@@ -117,42 +117,52 @@ std::optional<Exported> export_file(GuardedMap& map, const fs::path& file, const
   return std::nullopt;
 }
 
-ExportedViews export_views(GuardedMap& map, const fs::path& folder, const std::string& program, int images,
-                           float points, const py::object& progress) {
+ExportViewsReport export_views(GuardedMap& map, const fs::path& folder, const std::string& program, int images,
+                               float points, const py::object& progress) {
   ViewsOptions options{.images = images, .point_spacing = points};
   if (program == "colmap")
     options.program = ViewsFor::colmap;
   else if (program != "nerfstudio")
     throw py::value_error("program is '" + program + "'; nerfstudio or colmap is expected");
-  const ExportProgress told = progress_to(progress);
-  return map.guard->run([&] { return map.map.export_views(folder, options, told); });
+  const ExportProgress callback = progress_to(progress);
+  return map.guard->run([&] { return map.map.export_views(folder, options, callback); });
 }
 
-void add_exported(py::module_& m) {
-  py::class_<Exported>(m, "Exported", "What Map.export wrote.")
-      .def_readonly("full_triangles", &Exported::full_triangles, "Of the map before anything was done to it.")
-      .def_readonly("triangles", &Exported::triangles)
-      .def_readonly("vertices", &Exported::vertices)
-      .def_readonly("points", &Exported::points)
-      .def_readonly("components_removed", &Exported::components_removed)
-      .def_readonly("holes_filled", &Exported::holes_filled)
-      .def_readonly("error", &Exported::error,
-                    "Metres by which simplification moved the surface at most, by its own account.")
-      .def_readonly("files", &Exported::files, "That were written, the one that was asked for first.")
-      .def_readonly("textures", &Exported::textures)
-      .def_readonly("texel", &Exported::texel, "Metres; the coarsest.")
-      .def_readonly("textured_share", &Exported::textured_share, "Of the texels that a keyframe sees.")
-      .def_readonly("keyframes", &Exported::keyframes)
-      .def_readonly("stage_ms", &Exported::stage_ms, "Milliseconds by stage.")
-      .def("__repr__", [](const Exported& e) {
-        return repr("Exported", {{"triangles", e.triangles}, {"textures", e.textures}, {"files", e.files}});
+void add_export_reports(py::module_& m) {
+  py::class_<ColorCameraOffset>(m, "ColorCameraOffset", "Estimated offset of the color camera from the depth camera.")
+      .def_property_readonly(
+          "rotation", [](const ColorCameraOffset& o) { return to_numpy(Eigen::Vector3d(o.rotation.cast<double>())); },
+          "(3,) float64: rotation vector, radians.")
+      .def_property_readonly(
+          "translation",
+          [](const ColorCameraOffset& o) { return to_numpy(Eigen::Vector3d(o.translation.cast<double>())); },
+          "(3,) float64, meters.")
+      .def_readonly("focal_scale", &ColorCameraOffset::focal_scale, "Relative to the camera's focal length.");
+  py::class_<ExportReport>(m, "ExportReport", "Result of Map.export.")
+      .def_readonly("full_triangles", &ExportReport::full_triangles,
+                    "Number of triangles before cleaning and simplification.")
+      .def_readonly("triangles", &ExportReport::triangles)
+      .def_readonly("vertices", &ExportReport::vertices)
+      .def_readonly("points", &ExportReport::points)
+      .def_readonly("components_removed", &ExportReport::components_removed)
+      .def_readonly("holes_filled", &ExportReport::holes_filled)
+      .def_readonly("error", &ExportReport::error, "Meters: maximum error of the simplification, as estimated by it.")
+      .def_readonly("files", &ExportReport::files, "Written files; the requested one first.")
+      .def_readonly("textures", &ExportReport::textures)
+      .def_readonly("texel", &ExportReport::texel, "Size of the largest texel, meters.")
+      .def_readonly("textured_share", &ExportReport::textured_share, "Fraction of the texels seen by a keyframe.")
+      .def_readonly("keyframes", &ExportReport::keyframes)
+      .def_readonly("color_camera", &ExportReport::color_camera, "ColorCameraOffset of the texture.")
+      .def_readonly("stage_ms", &ExportReport::stage_ms, "Milliseconds by stage.")
+      .def("__repr__", [](const ExportReport& e) {
+        return repr("ExportReport", {{"triangles", e.triangles}, {"textures", e.textures}, {"files", e.files}});
       });
-  py::class_<ExportedViews>(m, "ExportedViews", "What Map.export_views wrote.")
-      .def_readonly("images", &ExportedViews::images)
-      .def_readonly("keyframes", &ExportedViews::keyframes, "Of the map.")
-      .def_readonly("points", &ExportedViews::points)
-      .def("__repr__", [](const ExportedViews& e) {
-        return repr("ExportedViews", {{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}});
+  py::class_<ExportViewsReport>(m, "ExportViewsReport", "Result of Map.export_views.")
+      .def_readonly("images", &ExportViewsReport::images)
+      .def_readonly("keyframes", &ExportViewsReport::keyframes, "Number of keyframes of the map.")
+      .def_readonly("points", &ExportViewsReport::points)
+      .def("__repr__", [](const ExportViewsReport& e) {
+        return repr("ExportViewsReport", {{"images", e.images}, {"keyframes", e.keyframes}, {"points", e.points}});
       });
 }
 
@@ -169,11 +179,11 @@ std::optional<EsdfOptions> distance_options(std::optional<float> voxel_size, std
 }
 
 void add_map(py::module_& m) {
-  add_exported(m);
+  add_export_reports(m);
   py::class_<GuardedMap>(
       m, "Map",
-      R"(What comes out: the surface, the voxels, distances, files. A mapper's map is always as of its last frame, and keeps the
-mapper alive. All of it is in the upright world, metres, y down.)")
+      R"(Output of a mapper: surface, voxels, distances, files. A mapper's map is as of its last frame, and keeps the mapper
+alive. All output is in the gravity-aligned world, meters, y down.)")
       .def_static(
           "open",
           [](const fs::path& folder, int device) {
@@ -183,18 +193,18 @@ mapper alive. All of it is in the upright world, metres, y down.)")
           py::arg("folder"), py::arg("device") = -1, R"(open(folder, device=-1)
 --
 
-The map in a folder that cairn.reconstruct, live or merge has made, or of a .vdb file. Nothing in the folder changes.
-device: as cairn.devices numbers them; -1 chooses. Raises Error with what is missing or damaged and what to do.)")
+Opens the map in a folder made by `cairn reconstruct`, `live` or `merge`, or of a .vdb file; read-only. device: index
+of cairn.devices; -1 chooses. Raises Error with the missing or damaged file and the remedy.)")
       .def(
           "mesh", [](GuardedMap& s) { return s.guard->run([&] { return s.map.mesh(); }); }, R"(mesh(self)
 --
 
-The surface as it is in the voxels (marching cubes), with normals and colors, as a Mesh.)")
+Surface by marching cubes, with normals and colors, as a Mesh.)")
       .def(
           "voxels", [](GuardedMap& s) { return s.guard->run([&] { return s.map.voxels(); }); }, R"(voxels(self)
 --
 
-All voxels that were observed, as Voxels.)")
+All observed voxels, as Voxels.)")
       .def(
           "distances",
           [](GuardedMap& s, const py::object& points, std::optional<float> voxel_size,
@@ -212,51 +222,54 @@ All voxels that were observed, as Voxels.)")
           R"(distances(self, points=None, *, voxel_size=None, max_distance=None, robot_radius=None, visited=None)
 --
 
-The distance field of the whole map, a DistanceField; with points (..., 3) its answers there, as DistanceField.query.
-Without options it is made once, and again after the map has changed.
+Distance field of the entire map, as a DistanceField; with points (..., 3) the result of DistanceField.query. Without
+options the field is cached until the map changes.
 
-voxel_size: metres, 1, 2, 4 or 8 voxels of the map. max_distance: metres. robot_radius: metres around the camera that are
-free wherever it was. visited: a Trajectory, where it was, of a map that does not know.)")
+voxel_size: meters; 1, 2, 4 or 8 voxels of the map. max_distance: meters. robot_radius: meters of free space around
+each camera position. visited: Trajectory of the camera, for a map without one.)")
       .def(
           "export", &export_file, py::arg("file"),
           R"(export(self, file, *, texture=None, simplify=None, max_error=None, triangles=None, compress=None, texel=None, texture_size=None, texture_png=None, jpeg_quality=None, points=None, cell_size=None, lods=None, lit=None, cameras=None, min_piece=None, min_weight=None, fill_holes=None, axes=None, geo=None, progress=None)
 --
 
-Writes the surface, by the extension: .glb, .gltf, .ply, .obj, .stl or a tileset.json; .vdb writes the voxels, .g2o and
-.svg the pose graph (and return None). Each file whole or not at all. Returns what was written, as Exported.
+Writes the map. The extension selects the format: .glb, .gltf, .ply, .obj, .stl or tileset.json for the surface, .vdb
+for the voxels, .g2o and .svg for the pose graph. Each file is written atomically. Returns an ExportReport; None for
+voxels and pose graph.
 
-texture: True asks for one, False leaves it out; by default there is one wherever there is color. simplify: share of the
-triangles that is left. max_error: metres. triangles: no more than so many. compress: 'quantised', 'meshopt', 'draco'.
-texel: metres. texture_size: texels a side. texture_png: instead of JPEG. jpeg_quality: 1 to 100. points: metres between
-points, instead of triangles (.ply). cell_size: metres. lods: levels of detail. lit: glTF shaded by the viewer's
-lamps. cameras: the path and keyframes, in glTF.
-min_piece, min_weight, fill_holes: what cleaning removes and closes. axes: 'world' (x right, y down, z forward), 'yup' or
-'zup'; by default as programs expect them of the format. geo: latitude, longitude, height and heading of a tileset's
-origin (degrees; metres above WGS 84's ellipsoid; clockwise from north, where the map's z points). progress: called with done, count and what is next.)")
+texture: True requires one, False omits it; default: a texture if the map has color. simplify: fraction of triangles
+to keep. max_error: meters. triangles: maximum number. compress: 'quantized', 'meshopt' or 'draco'. texel: meters.
+texture_size: texels per side. texture_png: PNG instead of JPEG. jpeg_quality: 1 to 100. points: writes points, with
+this spacing in meters, instead of triangles (.ply). cell_size: meters. lods: number of levels of detail. lit: shaded
+by the viewer's lights (glTF). cameras: adds path and keyframes (glTF). min_piece: meters, minimum size of a
+component. min_weight: minimum weight of the surface, observations at 1 m. fill_holes: meters, maximum size of a
+filled hole. axes: 'world' (x right, y down, z forward), 'yup' or 'zup'; default: convention of the format. geo:
+latitude, longitude, height and heading of a tileset's origin (degrees; meters above the WGS 84 ellipsoid; heading of
+the map's z axis, clockwise from north). progress: called with done, count and the next step.)")
       .def("export_views", &export_views, py::arg("folder"), py::kw_only(), py::arg("program") = "nerfstudio",
            py::arg("images") = 0, py::arg("point_spacing") = ViewsOptions{}.point_spacing,
            py::arg("progress") = py::none(),
            R"(export_views(self, folder, *, program='nerfstudio', images=0, point_spacing=0.02, progress=None)
 --
 
-Writes keyframes as images with poses and depth, and points of the surface, into a new folder, for programs that learn a
-scene ('nerfstudio', 'colmap'). images: at most, each the sharpest of its surroundings; 0: all. point_spacing: metres.
-Returns ExportedViews.)")
+Writes keyframes as images with poses and depth, and points of the surface, into a new folder, as input of NeRF and
+Gaussian splatting ('nerfstudio', 'colmap'). images: maximum number, the sharpest of their neighbors; 0: all.
+point_spacing: meters. Returns an ExportViewsReport.)")
       .def(
-          "stand_up", [](GuardedMap& s, const std::string& up) { s.guard->change([&] { s.map.stand_up(up_of(up)); }); },
-          py::arg("up"), R"(stand_up(self, up)
+          "set_up_axis",
+          [](GuardedMap& s, const std::string& up) { s.guard->change([&] { s.map.set_up_axis(parse_up(up)); }); },
+          py::arg("up"), R"(set_up_axis(self, up)
 --
 
-Turns all that is asked of the map or written from here on: 'auto', 'camera', or the axis that points up, 'x', 'y', 'z',
-'-x', '-y' or '-z', of the given poses' world or of the first camera.)")
+Sets the up direction of all further output: 'auto', 'camera', or the up axis 'x', 'y', 'z', '-x', '-y' or '-z' of the
+tracking frame, or of the given poses' world.)")
       .def(
           "upright", [](GuardedMap& s) { return s.guard->run([&] { return s.map.upright(); }); }, R"(upright(self)
 --
 
-Which way up the map stands, as Upright.)")
+Gravity alignment of the map, as GravityAlignment.)")
       .def_property_readonly(
           "recordings", [](GuardedMap& s) { return s.guard->run([&] { return s.map.recordings(); }); },
-          "That the map is made of, at least one.")
+          "Number of recordings in the map, at least 1.")
       .def(
           "trajectory",
           [](GuardedMap& s, int recording) {
@@ -265,13 +278,13 @@ Which way up the map stands, as Upright.)")
           py::arg("recording") = -1, R"(trajectory(self, recording=-1)
 --
 
-Of all fused frames as a Trajectory in the world; recording counts from 0, -1 is the last.)")
+Poses of all fused frames in the gravity-aligned world, as a Trajectory. recording: counted from 0; -1: the last.)")
       .def(
           "statistics", [](GuardedMap& s) { return s.guard->run([&] { return s.map.statistics(); }); },
           R"(statistics(self)
 --
 
-How large the map is and what it cost, as Statistics.)");
+Size and cost of the map, as Statistics.)");
 }
 
 }  // namespace cairn::python

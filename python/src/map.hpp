@@ -6,7 +6,7 @@
 #include <memory>
 #include <optional>
 
-#include "cairn/map.hpp"
+#include "cairn/mapping/map.hpp"
 #include "guard.hpp"
 
 namespace cairn::python {

@@ -30,7 +30,7 @@ std::shared_ptr<GuardedMapper> make_mapper(const Rig& rig, const std::optional<O
   const Poses kind = poses_of(poses);
   const py::gil_scoped_release release;
   return std::make_shared<GuardedMapper>(
-      GuardedMapper{nullptr, Mapper(rig, options, kind, device), std::make_shared<Guard>()});
+      GuardedMapper{nullptr, Mapper(rig, options, kind, device), std::make_shared<Guard>(), options});
 }
 
 FrameReport add_frame(GuardedMapper& m, const Frame& frame) {
@@ -40,17 +40,16 @@ FrameReport add_frame(GuardedMapper& m, const Frame& frame) {
 }
 
 /// Copies arrays into the mapper's own memory, unless another thread uses it.
-FrameReport add(GuardedMapper& m, const py::object& depth, const py::object& colour, const py::object& time,
-                const py::object& depth_scale, const py::object& confidence, double colour_delay,
-                const py::object& pose, const py::object& guess, const py::object& acceleration, const py::object& gyro,
-                bool held_out) {
+FrameReport add(GuardedMapper& m, const py::object& depth, const py::object& color, const py::object& time,
+                const py::object& depth_scale, const py::object& confidence, double color_delay, const py::object& pose,
+                const py::object& guess, const py::object& acceleration, const py::object& gyro, bool held_out) {
   if (py::isinstance<SizedFrame>(depth)) {
     const auto frame = depth.cast<std::shared_ptr<SizedFrame>>();
     m.next = frame->frame.index + 1;
     return add_frame(m, frame->frame);
   }
   SizedFrame frame = std::exchange(m.scratch, {});
-  fill(frame, {depth, colour, time, depth_scale, confidence, pose, guess, acceleration, gyro, colour_delay, held_out},
+  fill(frame, {depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro, color_delay, held_out},
        m.next, &m.mapper.rig());
   ++m.next;
   FrameReport report = add_frame(m, frame.frame);
@@ -91,42 +90,42 @@ class Callback {
   std::exception_ptr error_;
 };
 
-/// Asks `progress`, if given, whether to continue; returning False or raising stops.
+/// Calls `progress`, if given, with the completed fraction; returning False or raising stops.
 std::function<bool(double)> goes_on(Callback& callback, const py::object& progress) {
-  return [&](double share) {
+  return [&](double fraction) {
     return callback.goes_on([&] {
       if (progress.is_none()) return true;
-      const py::object said = progress(share);
-      return said.is_none() || said.cast<bool>();
+      const py::object result = progress(fraction);
+      return result.is_none() || result.cast<bool>();
     });
   };
 }
 
-Adjusted adjust(GuardedMapper& m, const py::object& progress) {
+AdjustReport adjust(GuardedMapper& m, const py::object& progress) {
   Callback callback;
-  Adjusted adjusted = m.guard->change([&] { return m.mapper.adjust(goes_on(callback, progress)); });
+  AdjustReport report = m.guard->change([&] { return m.mapper.adjust(goes_on(callback, progress)); });
   callback.rethrow();
-  return adjusted;
+  return report;
 }
 
-Refined refine(GuardedMapper& m, const py::object& progress) {
+RefineReport refine(GuardedMapper& m, const py::object& progress) {
   Callback callback;
-  Refined refined = m.guard->change([&] { return m.mapper.refine(goes_on(callback, progress)); });
+  RefineReport report = m.guard->change([&] { return m.mapper.refine(goes_on(callback, progress)); });
   callback.rethrow();
-  return refined;
+  return report;
 }
 
 void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<DepthCorrection>& correction,
                  const py::object& progress) {
   BorrowedSource source(again, m.mapper.rig());
   Callback callback;
-  int told = 0;
+  int reported = 0;  // frames
   const auto goes_on = [&](int frames) {
     return callback.goes_on([&] {
-      if (progress.is_none() || frames == told) return true;
-      told = frames;
-      const py::object said = progress(frames);
-      return said.is_none() || said.cast<bool>();
+      if (progress.is_none() || frames == reported) return true;
+      reported = frames;
+      const py::object result = progress(frames);
+      return result.is_none() || result.cast<bool>();
     });
   };
   source.run([&] {
@@ -136,6 +135,34 @@ void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<
   source.rethrow();
   callback.rethrow();
   check_signals();
+}
+
+FinishReport finish(GuardedMapper& m, bool refine, bool adjust, const py::object& again, const py::object& progress) {
+  Callback callback;
+  FinishOptions options{.refine = refine, .adjust = adjust};
+  options.progress = [&](FinishStage stage, double fraction) {
+    return callback.goes_on([&] {
+      if (progress.is_none()) return true;
+      const py::object result = progress(std::string(to_string(stage)), fraction);
+      return result.is_none() || result.cast<bool>();
+    });
+  };
+  const auto work = [&] { return m.guard->change([&] { return m.mapper.finish(options); }); };
+  FinishReport report;
+  if (again.is_none()) {
+    report = work();
+  } else {
+    BorrowedSource source(again, m.mapper.rig());
+    options.reintegrate = &source.get();
+    source.run([&] {
+      const py::gil_scoped_acquire acquire;  // released by the mapper's guard
+      report = work();
+    });
+    source.rethrow();
+  }
+  callback.rethrow();
+  check_signals();
+  return report;
 }
 
 py::object live_distances(const GuardedMapper& m) {
@@ -158,17 +185,18 @@ void add_mapper(py::module_& m) {
       m, "Mapper", R"(Mapper(rig, options=None, *, voxel_size=None, poses='tracked', device=-1)
 --
 
-From a stream of frames to a map: start here.
+Builds a map from a stream of frames. Start here.
 
     mapper = cairn.Mapper(cairn.Rig.kinect_v1(), voxel_size=0.01)
     for frame in cairn.open("recording"):
         report = mapper.add(frame)
     mapper.map().export("room.glb")
 
-rig: the cameras, of a Source its rig. options: Options; without them what suits the rig's sensor. voxel_size: metres, in
-place of the options'. poses: 'tracked' finds them by aligning each frame with the map, 'given' takes Frame.pose. device:
-as cairn.devices numbers them; -1 chooses. All stays in memory; with a Session it does not. Calls of several threads wait
-for each other. Raises Error for cameras or options out of range, and for a device that cannot be used.)")
+rig: the cameras; Source.rig for a Source. options: Options; default: options for the rig's sensor. voxel_size:
+meters, overrides the options. poses: 'tracked' estimates poses by aligning each frame with the map, 'given' uses
+Frame.pose. device: index of cairn.devices; -1 chooses. Keeps all data in memory, unless created by a Session. Calls
+from several threads wait for each other. Raises Error for cameras or options out of range, and for an unusable
+device.)")
       .def(py::init(&make_mapper), py::arg("rig"), py::arg("options") = std::nullopt, py::kw_only(),
            py::arg("voxel_size") = std::nullopt, py::arg("poses") = "tracked", py::arg("device") = -1,
            R"(__init__(self, rig, options=None, *, voxel_size=None, poses='tracked', device=-1)
@@ -183,48 +211,60 @@ for each other. Raises Error for cameras or options out of range, and for a devi
           R"(add(self, depth, color=None, *, time=None, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
 --
 
-Aligns and fuses the next frame, a Frame or own images with their time (see Frame for shapes and units); tells in a
-FrameReport what became of it. Lost tracking is told there, too. Raises ValueError and TypeError for images that are not
-the rig's, and Error only when the device fails; what was fused before stays.)")
+Tracks and fuses the next frame, a Frame or images with their time (see Frame for shapes and units). Returns a
+FrameReport, also for bad frames and lost tracking. Raises ValueError or TypeError for images that do not match the
+rig, and Error only if the device fails; the map so far remains.)")
       .def(
           "begin_recording", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.begin_recording(); }); },
           R"(begin_recording(self)
 --
 
-Another recording follows, which begins somewhere in the map or outside of it.)")
-      .def(
-          "settle", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.settle(); }); }, R"(settle(self)
+Starts another recording, at any place inside or outside the map. Its frames are lost until relocalized; after a while
+without relocalization they start a new component.)")
+      .def("finish", &finish, py::kw_only(), py::arg("refine") = false, py::arg("adjust") = false,
+           py::arg("reintegrate") = py::none(), py::arg("progress") = py::none(),
+           R"(finish(self, *, refine=False, adjust=False, reintegrate=None, progress=None)
 --
 
-Moves the keyframes as all loops so far say: before trajectory() when no frame follows.)")
+Finishes the map after the last frame: runs the requested stages, applies all pending loop closures and freezes the
+gravity direction. Returns a FinishReport. refine, adjust: as the methods of the same name. reintegrate: the same
+recording from its start, a Source or an iterable of Frames, for the method of the same name after both other stages.
+progress: called with the stage ('refine', 'adjust', 'reintegrate') and its completed fraction, 0 while unknown; if it
+returns False or raises, or on Ctrl-C, the stage ends as its method does, and the following stages are skipped.)")
       .def(
-          "settle_upright", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.settle_upright(); }); },
-          R"(settle_upright(self)
+          "finish_optimization", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.finish_optimization(); }); },
+          R"(finish_optimization(self)
 --
 
-From now on the map stands as it is known now.)")
+Applies all pending loop closures to the keyframe poses. Call it before trajectory() if no frame follows.)")
+      .def(
+          "freeze_gravity", [](GuardedMapper& s) { s.guard->change([&] { s.mapper.freeze_gravity(); }); },
+          R"(freeze_gravity(self)
+--
+
+Freezes the gravity direction; later recordings do not change it.)")
       .def("refine", &refine, py::kw_only(), py::arg("progress") = py::none(), R"(refine(self, *, progress=None)
 --
 
-Aligns keyframes that see the same with each other and corrects the poses; tells in Refined what it did. progress: called
-with the share that is done; when it returns False, or raises, or Ctrl-C is pressed, the poses stay as they are, and a
-warning tells why.)")
+Aligns covisible keyframes with each other and corrects the poses. Returns a RefineReport. progress: called with the
+completed fraction; if it returns False or raises, or on Ctrl-C, the poses stay unchanged, and a warning gives the
+reason.)")
       .def("adjust", &adjust, py::kw_only(), py::arg("progress") = py::none(), R"(adjust(self, *, progress=None)
 --
 
-Moves the keyframes to where depth and brightness of all that they see agree best, all together (bundle adjustment);
-the map follows by moving the submaps. Tells in Adjusted what it did, and what it learned of shutters and depth. Loops
-must be closed before: refine. progress: called with the share that is done; when it returns False, or raises, or Ctrl-C
-is pressed, what is adjusted so far is kept. When it fails the poses stay as they are, and a warning tells why.)")
+Bundle adjustment: optimizes all keyframe poses jointly for depth and brightness consistency, with the shutter readout
+and the depth correction; the map follows by moving the submaps. Returns an AdjustReport. Close all loops before:
+refine. progress: called with the completed fraction; if it returns False or raises, or on Ctrl-C, the result so far
+is kept. If the adjustment fails, the poses stay unchanged, and a warning gives the reason.)")
       .def("reintegrate", &reintegrate, py::arg("frames"), py::arg("correction") = std::nullopt, py::kw_only(),
            py::arg("progress") = py::none(), R"(reintegrate(self, frames, correction=None, *, progress=None)
 --
 
-Fuses all frames again instead of bending submaps: the keyframes where they are now, then those between them, each
-tracked anew. frames: the same recording from its begin, with the same frames held out, a Source or anything that gives
-Frames. correction: of depth from here on, beside what the rig says: Adjusted.correction. progress: called with the
-number of frames so far. When it returns False, raises or fails, or Ctrl-C ends it, the map stays as it is, and a warning
-tells why.)")
+Re-integrates all frames instead of deforming submaps: keyframes at their current poses, then the frames between them,
+each tracked again. frames: the same recording from its start, with the same frames held out: a Source or an iterable
+of Frames. correction: applied to depth from here on, in addition to the rig's: AdjustReport.correction. progress:
+called with the number of frames so far. If it returns False or raises, or on a failure or Ctrl-C, the map stays
+unchanged, and a warning gives the reason.)")
       .def(
           "map",
           [](GuardedMapper& s) {
@@ -233,26 +273,26 @@ tells why.)")
           R"(map(self)
 --
 
-The map as it is now, and always as it is when it is asked.)")
+A view of the current map; each call reads the latest state.)")
       .def(
           "mesh", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.map().mesh(); }); }, R"(mesh(self)
 --
 
-The surface as it is in the voxels (marching cubes), with normals and colors, as a Mesh.)")
+Surface by marching cubes, with normals and colors, as a Mesh.)")
       .def("distances", &map_distances, py::arg("points") = py::none(), py::kw_only(),
            py::arg("voxel_size") = std::nullopt, py::arg("max_distance") = std::nullopt,
            py::arg("robot_radius") = std::nullopt,
            R"(distances(self, points=None, *, voxel_size=None, max_distance=None, robot_radius=None)
 --
 
-The distance field of the whole map, a DistanceField in the world of mesh(); with points (..., 3) its answers there:
-(distances, gradients, known), as DistanceField.query. It is made at the first call after a frame was added; while
-frames come quickly, live_distances is there at once.)")
+Distance field of the entire map, as a DistanceField in the world of mesh(); with points (..., 3) the result of
+DistanceField.query: (distances, gradients, known). Computed at the first call after a frame was added; live_distances
+is available at once.)")
       .def("live_distances", &live_distances, R"(live_distances(self)
 --
 
-With Options.distances.live the field as of the last frame, a DistanceField in the frame in which the camera is tracked,
-that of FrameReport.pose. None before the first frame, and where it cannot be made. Waits for nobody.)")
+With Options.distances.live: distance field as of the last frame, as a DistanceField in the tracking frame, the frame
+of FrameReport.pose. None before the first frame, and after a failure. Does not wait for other calls.)")
       .def(
           "trajectory",
           [](GuardedMapper& s, int recording) {
@@ -261,38 +301,45 @@ that of FrameReport.pose. None before the first frame, and where it cannot be ma
           py::arg("recording") = -1, R"(trajectory(self, recording=-1)
 --
 
-Of all frames that were fused or held out as a Trajectory, in the upright world and the color camera's clock; recording counts from 0, -1 is
-the last.)")
+Poses of all fused or held-out frames, in the gravity-aligned world and the color camera's clock, as a Trajectory.
+recording: counted from 0; -1: the last.)")
       .def_property_readonly("recordings",
                              [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.recordings(); }); })
       .def(
-          "keyframes", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.keyframes(); }); },
+          "keyframes",
+          [](GuardedMapper& s) {
+            std::vector<std::pair<double, int>> keyframes;
+            for (const auto& [timestamp, searched] : s.guard->run([&] { return s.mapper.keyframes(); }))
+              keyframes.emplace_back(timestamp, searched);
+            return keyframes;
+          },
           R"(keyframes(self)
 --
 
-A list of (time, count): when the keyframes were taken and how many earlier ones were looked through for their places.)")
+A list of (time, count): timestamps of the keyframes, each with the number of earlier keyframes searched for a loop
+closure.)")
       .def(
           "loops", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.loops(); }); }, R"(loops(self)
 --
 
-Loops that were found, a list of Loop.)")
+Loop closures found while adding frames, a list of Loop.)")
       .def(
           "upright", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.upright(); }); }, R"(upright(self)
 --
 
-Which way up the map stands, as Upright.)")
+Gravity alignment of the map, as GravityAlignment.)")
       .def(
           "statistics", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.statistics(); }); },
           R"(statistics(self)
 --
 
-How large the map is, what it cost, and what was learned of the camera, as Statistics.)")
+Size and cost of the map, and estimates about the camera, as Statistics.)")
       .def(
           "warnings", [](GuardedMapper& s) { return s.guard->run([&] { return s.mapper.warnings(); }); },
           R"(warnings(self)
 --
 
-Stages that failed and were switched off, a line each.)")
+Optional stages switched off after a failure, one line each.)")
       .def_property_readonly(
           "rig", [](const GuardedMapper& s) { return s.mapper.rig(); }, "The cameras.")
       .def("__repr__", [](const GuardedMapper& s) {

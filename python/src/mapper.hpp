@@ -6,8 +6,8 @@
 #include <memory>
 #include <optional>
 
-#include "cairn/mapper.hpp"
-#include "cairn/session.hpp"
+#include "cairn/mapping/mapper.hpp"
+#include "cairn/mapping/session.hpp"
 #include "frames.hpp"
 #include "guard.hpp"
 
@@ -24,6 +24,7 @@ struct GuardedMapper {
   std::shared_ptr<GuardedSession> session;  ///< null: all is in memory. Outlives the mapper
   Mapper mapper;
   std::shared_ptr<Guard> guard;
+  Options options;       ///< as given; for a resumed session defaults for its sensor
   SizedFrame scratch{};  ///< for arrays; its memory is reused
   int next = 0;          ///< index of the next frame
 };

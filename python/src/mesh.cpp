@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -23,45 +23,46 @@ py::object column(const py::object& self, const List& list, py::ssize_t columns,
 
 std::vector<Eigen::Vector3f> vectors_of(const py::handle& value, const char* name) {
   const Floats points = points_of(value, name);
-  if (points.ndim() != 2) throw py::value_error(std::string(name) + " is " + told(points) + "; (N, 3) is expected");
+  if (points.ndim() != 2)
+    throw py::value_error(std::string(name) + " is " + description_of(points) + "; (N, 3) is expected");
   const auto list = vectors(points);
   return {list.begin(), list.end()};
 }
 
-std::vector<std::array<std::uint8_t, 4>> colours_of(const py::handle& value) {
+std::vector<std::array<std::uint8_t, 4>> colors_of(const py::handle& value) {
   const py::array array = py::array::ensure(value);
   if (!array || !array.dtype().is(py::dtype::of<std::uint8_t>()) || array.ndim() != 2 ||
       (array.shape(1) != 3 && array.shape(1) != 4)) {
     PyErr_Clear();
-    throw py::value_error("colors is " + told(value) + "; uint8 of shape (N, 3) or (N, 4) is expected");
+    throw py::value_error("colors is " + description_of(value) + "; uint8 of shape (N, 3) or (N, 4) is expected");
   }
   const auto bytes = py::array_t<std::uint8_t, py::array::c_style>::ensure(array);
-  std::vector<std::array<std::uint8_t, 4>> colours;
+  std::vector<std::array<std::uint8_t, 4>> colors;
   for (py::ssize_t i = 0; i < bytes.shape(0); ++i)
-    colours.push_back({bytes.at(i, 0), bytes.at(i, 1), bytes.at(i, 2), 255});
-  return colours;
+    colors.push_back({bytes.at(i, 0), bytes.at(i, 1), bytes.at(i, 2), 255});
+  return colors;
 }
 
-Mesh make_mesh(const py::object& vertices, const py::object& triangles, const py::object& colours,
+Mesh make_mesh(const py::object& vertices, const py::object& triangles, const py::object& colors,
                const py::object& normals) {
   Mesh mesh;
   mesh.positions = vectors_of(vertices, "vertices");
   mesh.triangles = triangles_of(triangles, mesh.positions.size());
-  if (!colours.is_none()) mesh.colours = colours_of(colours);
+  if (!colors.is_none()) mesh.colors = colors_of(colors);
   if (!normals.is_none()) mesh.normals = vectors_of(normals, "normals");
-  for (const auto& [name, size] : {std::pair("colors", mesh.colours.size()), std::pair("normals", mesh.normals.size())})
+  for (const auto& [name, size] : {std::pair("colors", mesh.colors.size()), std::pair("normals", mesh.normals.size())})
     if (size != 0 && size != mesh.positions.size())
-      throw py::value_error(std::string(name) + " are " + std::to_string(size) + "; as many as vertices, " +
-                            std::to_string(mesh.positions.size()) + ", are expected");
+      throw py::value_error(std::string(name) + " has " + std::to_string(size) + " rows; " +
+                            std::to_string(mesh.positions.size()) + " are expected, one per vertex");
   return mesh;
 }
 
 Mesh transformed(const Mesh& mesh, const py::object& pose) {
-  const Eigen::Isometry3f move = pose_of(pose, "pose").cast<float>();
-  Mesh made = mesh;
-  for (auto& p : made.positions) p = move * p;
-  for (auto& n : made.normals) n = move.linear() * n;
-  return made;
+  const Eigen::Isometry3f transform = pose_of(pose, "pose").cast<float>();
+  Mesh result = mesh;
+  for (auto& p : result.positions) p = transform * p;
+  for (auto& n : result.normals) n = transform.linear() * n;
+  return result;
 }
 
 }  // namespace
@@ -70,10 +71,10 @@ void add_mesh(py::module_& m) {
   py::class_<Mesh>(m, "Mesh", R"(Mesh(vertices, triangles, *, colors=None, normals=None)
 --
 
-Triangles in the map's world frame, metres, counter-clockwise seen from outside. Arrays show the mesh's own memory and
-can be written to; they keep the mesh alive.
+Triangle mesh in the map's world frame, meters; triangles are counter-clockwise seen from outside. Arrays are writable
+views of the mesh's memory and keep the mesh alive.
 
-vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, sRGB. normals: (N, 3).)")
+vertices: (N, 3). triangles: (M, 3), integers. colors: (N, 3 or 4) uint8, sRGB. normals: (N, 3).)")
       .def(py::init(&make_mesh), py::arg("vertices"), py::arg("triangles"), py::kw_only(),
            py::arg("colors") = py::none(), py::arg("normals") = py::none(),
            R"(__init__(self, vertices, triangles, *, colors=None, normals=None)
@@ -83,14 +84,14 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
       .def_property_readonly(
           "vertices",
           [](const py::object& self) { return column<float>(self, self.cast<const Mesh&>().positions, 3, false); },
-          "(N, 3) float32, metres.")
+          "(N, 3) float32, meters.")
       .def_property_readonly(
           "normals",
           [](const py::object& self) { return column<float>(self, self.cast<const Mesh&>().normals, 3, true); },
           "(N, 3) float32, unit length, away from the solid; or None.")
       .def_property_readonly(
           "colors",
-          [](const py::object& self) { return column<std::uint8_t>(self, self.cast<const Mesh&>().colours, 4, true); },
+          [](const py::object& self) { return column<std::uint8_t>(self, self.cast<const Mesh&>().colors, 4, true); },
           "(N, 4) uint8, R, G, B, 255 (sRGB), or None.")
       .def_property_readonly(
           "triangles",
@@ -107,7 +108,7 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
             if (mesh.weights.empty()) return py::none();
             return view(mesh.weights.data(), {count(mesh.weights)}, self);
           },
-          "(N,) float32, observations at 1 m, of a map's own mesh; or None.")
+          "(N,) float32, observations at 1 m, for the mesh of a map; or None.")
       .def_property_readonly(
           "sigmas",
           [](const py::object& self) -> py::object {
@@ -115,13 +116,13 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
             if (mesh.sigmas.empty()) return py::none();
             return view(mesh.sigmas.data(), {count(mesh.sigmas)}, self);
           },
-          "(N,) float32, metres: standard deviation of the surface along its normal, of an adjusted map; or None.")
+          "(N,) float32, meters: standard deviation of the surface along its normal, for an adjusted map; or None.")
       .def_property_readonly(
           "texture_coordinates",
           [](const py::object& self) {
             return column<float>(self, self.cast<const Mesh&>().texture_coordinates, 2, true);
           },
-          "(N, 2) float32; 0, 0 is the texture's upper left corner; or None.")
+          "(N, 2) float32; (0, 0) is the upper left corner of the texture; or None.")
       .def_property_readonly(
           "texture",
           [](const py::object& self) -> py::object {
@@ -133,7 +134,7 @@ vertices: (N, 3). triangles: (M, 3), whole numbers. colors: (N, 3 or 4) uint8, s
       .def("transformed", &transformed, py::arg("pose"), R"(transformed(self, pose)
 --
 
-A copy that is moved by a pose, (4, 4).)")
+Copy of the mesh, transformed by a pose, (4, 4).)")
       .def_static(
           "read",
           [](const std::filesystem::path& file) {
@@ -143,7 +144,7 @@ A copy that is moved by a pose, (4, 4).)")
           py::arg("file"), R"(read(file)
 --
 
-Reads .glb, .gltf or .ply, back in the world frame; several parts become one, without texture.)")
+Reads .glb, .gltf or .ply, converted to the world frame. Merges several parts into one mesh without texture.)")
       .def_static(
           "read_parts",
           [](const std::filesystem::path& file) {
@@ -163,7 +164,7 @@ Reads .glb, .gltf or .ply as a list of Mesh, each with its own texture.)")
           py::arg("file"), R"(write(self, file)
 --
 
-Writes .glb, .gltf, .ply, .obj or .stl, whole or not at all. glTF is turned to y up, STL to z up; others stay.)")
+Writes .glb, .gltf, .ply, .obj or .stl, atomically. glTF and OBJ are y up, STL z up, PLY in the world frame.)")
       .def("__repr__", [](const Mesh& mesh) {
         return "Mesh of " + std::to_string(mesh.positions.size()) + " vertices, " +
                std::to_string(mesh.triangles.size()) + " triangles";

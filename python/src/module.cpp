@@ -6,7 +6,7 @@
 
 #include <stdexcept>
 
-#include "cairn/device.hpp"
+#include "cairn/mapping/device.hpp"
 #include "text.hpp"
 
 namespace cairn::python {
@@ -15,8 +15,8 @@ namespace {
 void add_errors(py::module_& m) {
   static py::handle error;  // lives as long as the interpreter
   error = PyErr_NewExceptionWithDoc("cairn.Error",
-                                    "What went wrong, in one line: what, where, and what to do. The program `cairn` "
-                                    "says the same.",
+                                    "A failure outside of the program, in one line: cause, place and remedy, as in the "
+                                    "program `cairn`.",
                                     PyExc_RuntimeError, nullptr);
   m.attr("Error") = error;
   py::register_exception_translator([](std::exception_ptr p) {
@@ -32,12 +32,12 @@ void add_errors(py::module_& m) {
 
 void add_devices(py::module_& m) {
   py::class_<DeviceInfo>(m, "Device", "A Vulkan device.")
-      .def_readonly("index", &DeviceInfo::index, "What Mapper takes as `device`.")
+      .def_readonly("index", &DeviceInfo::index, "Argument `device` of Mapper.")
       .def_readonly("name", &DeviceInfo::name)
       .def_readonly("type", &DeviceInfo::type, "discrete, integrated, cpu, ...")
       .def_readonly("driver", &DeviceInfo::driver)
       .def_readonly("memory", &DeviceInfo::memory, "Bytes of the largest heap on the device.")
-      .def_readonly("missing", &DeviceInfo::missing, "What Cairn needs and this device lacks, or None.")
+      .def_readonly("missing", &DeviceInfo::missing, "Required features that the device lacks, or None.")
       .def("__repr__", [](const DeviceInfo& d) {
         return repr("Device", {{"index", d.index}, {"name", d.name}, {"type", d.type}});
       });
@@ -50,7 +50,7 @@ void add_devices(py::module_& m) {
       R"(devices()
 --
 
-All Vulkan devices, as a list of Device; usable or not. Empty where no driver is installed.)");
+All Vulkan devices, usable or not, as a list of Device. Empty without a driver.)");
 }
 
 }  // namespace
@@ -75,6 +75,8 @@ PYBIND11_MODULE(_cairn, m) {
   add_distances(m);
   add_map(m);
   add_mapper(m);
+  add_live_surface(m);
+  add_viewers(m);
   add_session(m);
   add_graph(m);
   add_evaluation(m);

@@ -17,6 +17,8 @@ void add_mesh(pybind11::module_& m);
 void add_distances(pybind11::module_& m);
 void add_map(pybind11::module_& m);
 void add_mapper(pybind11::module_& m);
+void add_live_surface(pybind11::module_& m);
+void add_viewers(pybind11::module_& m);
 void add_session(pybind11::module_& m);
 void add_graph(pybind11::module_& m);
 void add_evaluation(pybind11::module_& m);

@@ -8,17 +8,17 @@
 namespace cairn::python {
 namespace {
 
-constexpr double kRigid = 1e-4;  // tolerance of a rotation
+constexpr double kRotationTolerance = 1e-4;
 
 /// Converts to an array, without a copy of an existing array.
 py::array array_of(const py::handle& value, const char* name) {
   const py::array array = py::array::ensure(value);
   if (!array) {
     PyErr_Clear();
-    throw py::type_error(std::string(name) + " is " + told(value) + "; an array of numbers is expected");
+    throw py::type_error(std::string(name) + " is " + description_of(value) + "; an array of numbers is expected");
   }
   if (const char kind = array.dtype().kind(); kind != 'f' && kind != 'i' && kind != 'u')
-    throw py::type_error(std::string(name) + " is " + told(array) + "; numbers are expected");
+    throw py::type_error(std::string(name) + " is " + description_of(array) + "; numbers are expected");
   return array;
 }
 
@@ -26,13 +26,13 @@ Doubles numbers_of(const py::handle& value, const char* name, const std::vector<
                    const char* meaning) {
   const py::array array = array_of(value, name);
   if (!std::equal(shape.begin(), shape.end(), array.shape(), array.shape() + array.ndim()))
-    throw py::value_error(std::string(name) + " is " + told(array) + "; " + meaning + " is expected");
+    throw py::value_error(std::string(name) + " is " + description_of(array) + "; " + meaning + " is expected");
   return py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
 }
 
 }  // namespace
 
-std::string told(const py::handle& value) {
+std::string description_of(const py::handle& value) {
   if (!py::isinstance<py::array>(value)) return "a " + std::string(py::str(py::type::of(value).attr("__name__")));
   const auto array = py::reinterpret_borrow<py::array>(value);
   return std::string(py::str(array.dtype())) + " of shape " + std::string(py::str(array.attr("shape")));
@@ -41,6 +41,16 @@ std::string told(const py::handle& value) {
 Doubles to_numpy(const Eigen::Isometry3d& pose) {
   Doubles array({4, 4});
   Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(array.mutable_data()) = pose.matrix();
+  return array;
+}
+
+Doubles to_numpy(const std::vector<Eigen::Isometry3d>& poses) {
+  Doubles array({static_cast<py::ssize_t>(poses.size()), py::ssize_t{4}, py::ssize_t{4}});
+  double* to = array.mutable_data();
+  for (const Eigen::Isometry3d& pose : poses) {
+    const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> matrix = pose.matrix();
+    to = std::copy_n(matrix.data(), 16, to);
+  }
   return array;
 }
 
@@ -61,10 +71,10 @@ Eigen::Isometry3d pose_of(const py::handle& value, const char* name) {
   Eigen::Isometry3d pose;
   pose.matrix() = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(array.data());
   const Eigen::Matrix3d rotation = pose.linear();
-  if (!pose.matrix().allFinite() || !(rotation * rotation.transpose()).isIdentity(kRigid) ||
+  if (!pose.matrix().allFinite() || !(rotation * rotation.transpose()).isIdentity(kRotationTolerance) ||
       rotation.determinant() < 0 || pose.matrix().row(3) != Eigen::RowVector4d(0, 0, 0, 1))
     throw py::value_error(std::string(name) +
-                          " is no pose: a rotation, a translation and the row 0 0 0 1 are expected");
+                          " is not a rigid transform: a rotation, a translation and the row 0 0 0 1 are expected");
   pose.linear() = Eigen::Quaterniond(rotation).normalized().toRotationMatrix();
   return pose;
 }
@@ -87,7 +97,7 @@ Matrix6d matrix6_of(const py::handle& value, const char* name) {
 Floats points_of(const py::handle& value, const char* name) {
   const py::array array = array_of(value, name);
   if (array.ndim() < 1 || array.shape(array.ndim() - 1) != 3)
-    throw py::value_error(std::string(name) + " is " + told(array) + "; (N, 3) is expected, in metres");
+    throw py::value_error(std::string(name) + " is " + description_of(array) + "; (N, 3) is expected, in meters");
   return py::array_t<float, py::array::c_style | py::array::forcecast>::ensure(array);
 }
 
@@ -98,15 +108,16 @@ std::vector<py::ssize_t> leading_shape(const py::array& array) {
 std::vector<std::array<std::uint32_t, 3>> triangles_of(const py::handle& value, std::size_t vertices) {
   const py::array array = array_of(value, "triangles");
   if (array.dtype().kind() == 'f')
-    throw py::type_error("triangles is " + told(array) + "; whole numbers of shape (M, 3) are expected");
+    throw py::type_error("triangles is " + description_of(array) + "; integers of shape (M, 3) are expected");
   if (array.ndim() != 2 || array.shape(1) != 3)
-    throw py::value_error("triangles is " + told(array) + "; whole numbers of shape (M, 3) are expected");
+    throw py::value_error("triangles is " + description_of(array) + "; integers of shape (M, 3) are expected");
   const auto numbers = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>::ensure(array);
   std::vector<std::array<std::uint32_t, 3>> triangles(static_cast<std::size_t>(array.shape(0)));
   for (std::size_t i = 0; i < 3 * triangles.size(); ++i) {
     const std::int64_t vertex = numbers.data()[i];
     if (vertex < 0 || vertex >= static_cast<std::int64_t>(vertices))
-      throw py::value_error("triangles name vertex " + std::to_string(vertex) + " of " + std::to_string(vertices));
+      throw py::value_error("triangles refer to vertex " + std::to_string(vertex) + "; the mesh has " +
+                            std::to_string(vertices) + " vertices");
     triangles[i / 3][i % 3] = static_cast<std::uint32_t>(vertex);
   }
   return triangles;

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/pose.hpp"
+#include "cairn/mapping/pose.hpp"
 
 namespace cairn::python {
 
@@ -20,9 +20,10 @@ using Floats = py::array_t<float, py::array::c_style>;
 using Doubles = py::array_t<double, py::array::c_style>;
 
 /// Description of a value for messages: "uint16 of shape (480, 640)", or the type of a value other than an array.
-[[nodiscard]] std::string told(const py::handle& value);
+[[nodiscard]] std::string description_of(const py::handle& value);
 
 [[nodiscard]] Doubles to_numpy(const Eigen::Isometry3d& pose);
+[[nodiscard]] Doubles to_numpy(const std::vector<Eigen::Isometry3d>& poses);  ///< (N, 4, 4)
 [[nodiscard]] Doubles to_numpy(const Matrix6d& matrix);
 [[nodiscard]] Doubles to_numpy(const Eigen::Vector3d& vector);
 [[nodiscard]] py::object to_numpy(const std::optional<Eigen::Isometry3d>& pose);  ///< None for nullopt
@@ -54,9 +55,9 @@ inline void make_read_only(const py::array& array) { array.attr("flags").attr("w
 /// Moves a vector into an array.
 template <class T, class Element>
 py::array_t<T> moved(std::vector<Element>&& vector, std::vector<py::ssize_t> shape) {
-  auto* kept = new std::vector<Element>(std::move(vector));
-  const py::capsule owner(kept, [](void* p) { delete static_cast<std::vector<Element>*>(p); });
-  return py::array_t<T>(std::move(shape), reinterpret_cast<const T*>(kept->data()), owner);
+  auto* owned = new std::vector<Element>(std::move(vector));
+  const py::capsule owner(owned, [](void* p) { delete static_cast<std::vector<Element>*>(p); });
+  return py::array_t<T>(std::move(shape), reinterpret_cast<const T*>(owned->data()), owner);
 }
 
 }  // namespace cairn::python

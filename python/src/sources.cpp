@@ -7,10 +7,10 @@
 #include <exception>
 #include <utility>
 
-#include "cairn/inspect.hpp"
-#include "cairn/layouts.hpp"
-#include "cairn/live_source.hpp"
-#include "cairn/recorder.hpp"
+#include "cairn/io/inspect.hpp"
+#include "cairn/io/layouts.hpp"
+#include "cairn/io/live_source.hpp"
+#include "cairn/io/recorder.hpp"
 #include "frames.hpp"
 #include "module.hpp"
 #include "text.hpp"
@@ -19,17 +19,17 @@
 namespace cairn::python {
 namespace {
 
-constexpr std::chrono::milliseconds kPatience{100};  // interval of checks for Ctrl-C
+constexpr std::chrono::milliseconds kSignalInterval{100};  // interval of checks for Ctrl-C
 
 SizedFrame sized(Frame&& frame, const Rig& rig) {
   const auto size_of = [](const Camera& c, std::size_t pixels) -> std::array<py::ssize_t, 2> {
     if (pixels != static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height)) return {0, 0};
     return {c.height, c.width};
   };
-  SizedFrame made{std::move(frame), {}, {}};
-  made.depth_size = size_of(rig.depth, made.frame.depth.size());
-  made.colour_size = size_of(rig.colour_view(), made.frame.colour.size());
-  return made;
+  SizedFrame result{std::move(frame), {}, {}};
+  result.depth_size = size_of(rig.depth, result.frame.depth.size());
+  result.color_size = size_of(rig.color_view(), result.frame.color.size());
+  return result;
 }
 
 /// Source of frames from a Python iterable.
@@ -41,7 +41,7 @@ class IteratedSource final : public Source {
   std::optional<Frame> next() override {
     const py::gil_scoped_acquire acquire;
     try {
-      return taken();
+      return read();
     } catch (const std::exception&) {
       error = std::current_exception();  // the caller may replace it with its own exception
       throw;
@@ -51,11 +51,11 @@ class IteratedSource final : public Source {
   std::exception_ptr error;
 
  private:
-  std::optional<Frame> taken() {
+  std::optional<Frame> read() {
     check_signals();
     if (frames_ == py::iterator::sentinel()) return std::nullopt;
     const py::object item = py::reinterpret_borrow<py::object>(*frames_);
-    if (!py::isinstance<SizedFrame>(item)) throw py::type_error("a Frame is expected; " + told(item) + " came");
+    if (!py::isinstance<SizedFrame>(item)) throw py::type_error("a Frame is expected, not " + description_of(item));
     Frame frame = item.cast<const SizedFrame&>().frame;
     ++frames_;
     return frame;
@@ -72,9 +72,10 @@ FrameRange range_of(const py::object& frames) {
     const auto part = [&](const char* name) { return frames.attr(name).cast<std::optional<int>>(); };
     const FrameRange range{part("start").value_or(0), part("stop"), part("step").value_or(1)};
     if (range.begin >= 0 && range.end.value_or(0) >= 0 && range.step > 0) return range;
-    throw py::value_error("frames is " + std::string(py::str(frames)) + "; frames count from 0, and go forwards");
+    throw py::value_error("frames is " + std::string(py::str(frames)) + "; frames count from 0, with a positive step");
   }
-  throw py::type_error("frames is " + told(frames) + "; a number of frames or slice(begin, end, step) is expected");
+  throw py::type_error("frames is " + description_of(frames) +
+                       "; a number of frames or slice(begin, end, step) is expected");
 }
 
 std::optional<Trajectory> poses_of(const py::object& poses) {
@@ -85,15 +86,15 @@ std::optional<Trajectory> poses_of(const py::object& poses) {
 
 GuardedSource open_named(const std::filesystem::path& name, const py::object& frames,
                          const std::optional<std::filesystem::path>& camera, const std::optional<std::string>& sensor,
-                         const std::string& depth_topic, const std::string& colour_topic, const py::object& poses,
-                         const py::object& guesses, bool colour_on_depth, int ahead, bool live,
+                         const std::string& depth_topic, const std::string& color_topic, const py::object& poses,
+                         const py::object& guesses, bool color_on_depth, int ahead, bool live,
                          std::optional<int> every) {
   SourceOptions options{.range = range_of(frames),
                         .camera = camera.value_or(std::filesystem::path{}),
                         .sensor = {},
                         .copy_to = {},
                         .depth_topic = depth_topic,
-                        .colour_topic = colour_topic};
+                        .color_topic = color_topic};
   if (sensor) options.sensor = sensor_model(*sensor);
   auto given = poses_of(poses), guessed = poses_of(guesses);
   const bool waits = !live && !is_sensor(name.string());
@@ -101,7 +102,7 @@ GuardedSource open_named(const std::filesystem::path& name, const py::object& fr
   auto source = hold_out(open_source(name.string(), options), {.every = every.value_or(0), .range = options.range});
   if (given) source = with_poses(std::move(source), std::move(*given));
   if (guessed) source = with_guesses(std::move(source), std::move(*guessed));
-  if (colour_on_depth) source = with_colour_on_depth(std::move(source));
+  if (color_on_depth) source = with_color_on_depth(std::move(source));
   if (waits && ahead > 0) source = read_ahead(std::move(source), ahead);
   if (live)
     source = std::make_unique<LiveSource>(std::move(source),
@@ -115,18 +116,18 @@ void add_source(py::module_& m) {
       .def_property_readonly(
           "rig", [](const GuardedSource& s) { return s.source->rig(); }, "The cameras.")
       .def_property_readonly(
-          "layout", [](const GuardedSource& s) { return s.source->layout(); }, "What gives the frames, in a few words.")
-      .def_readonly("size", &GuardedSource::size, "Frames of the stream, or None where it cannot tell.")
+          "layout", [](const GuardedSource& s) { return s.source->layout(); }, "Kind of input, in a few words.")
+      .def_readonly("size", &GuardedSource::size, "Number of frames, or None if unknown.")
       .def_property_readonly(
           "ended_early", [](GuardedSource& s) { return s.guard->run([&] { return s.source->ended_early(); }); },
-          "Why the stream ended before its time, or None.")
+          "Reason for a premature end of the stream, or None.")
       .def_property_readonly(
           "dropped", [](GuardedSource& s) { return s.guard->run([&] { return s.source->dropped(); }); },
-          "Frames that were left out since the reader was slower than the stream.")
+          "Number of frames dropped because the reader was slower than the stream.")
       .def("read", &GuardedSource::next, R"(read(self)
 --
 
-The next frame, or None at the end of the stream. A frame that cannot be read tells its problem.)")
+The next frame, or None at the end of the stream. An unreadable frame has its problem set.)")
       .def("__iter__", [](const py::object& self) { return self; })
       .def("__next__",
            [](GuardedSource& s) {
@@ -147,13 +148,13 @@ The next frame, or None at the end of the stream. A frame that cannot be read te
 
 Opens a recording, a sensor or a scene as a Source.
 
-name: a folder or file whose layout is recognised (docs/formats.md), 'openni:' for the first sensor, 'synthetic:room'
-for a scene that is rendered while it is read. frames: a number of frames, or slice(begin, end, step). camera: a
-camera.yaml or the name of a known camera, in place of what the recording tells. sensor: the name of a SensorModel.
-depth_topic, color_topic: of ROS recordings. poses, guesses: a Trajectory or its file, for Frame.pose and Frame.guess.
-color_on_depth: color as the depth camera sees it. read_ahead: frames that are decoded in a thread of their own. live:
-only the newest frame, a recording as fast as it was taken. hold_out: every so many frames one is for judging the map
-alone (Frame.held_out); 2 or more. Raises Error with what is missing, where, and what to do.)");
+name: a folder or file of a known layout (docs/inputs.md), 'openni:' for the first sensor, 'synthetic:room' for a
+rendered scene. frames: number of frames, or slice(begin, end, step). camera: a camera.yaml or the name of a known
+camera, overrides the recording's. sensor: name of a SensorModel. depth_topic, color_topic: topics of a ROS recording.
+poses, guesses: a Trajectory or its file, for Frame.pose and Frame.guess. color_on_depth: reprojects color to the
+depth camera. read_ahead: number of frames decoded ahead in a thread. live: only the newest frame; a recording is
+played in real time. hold_out: marks every n-th frame as held out for evaluation (Frame.held_out); 2 or more. Raises
+Error with the cause, the place and the remedy.)");
 
   m.def(
       "recorded_truth",
@@ -164,26 +165,27 @@ alone (Frame.held_out); 2 or more. Raises Error with what is missing, where, and
       py::arg("recording"), R"(recorded_truth(recording)
 --
 
-Poses that a recording carries for the truth (groundtruth.txt and the like) as a Trajectory; empty where it has none.)");
+Ground-truth poses of a recording (groundtruth.txt and similar), as a Trajectory; empty if it has none.)");
 }
 
 void add_inspection(py::module_& m) {
-  py::class_<SourceSummary>(m, "SourceSummary", "What a recording holds, as it was understood.")
+  py::class_<SourceSummary>(m, "SourceSummary", "Contents of a recording: result of inspect.")
       .def_readonly("layout", &SourceSummary::layout)
       .def_readonly("rig", &SourceSummary::rig)
-      .def_readonly("frames", &SourceSummary::frames, "All of the source, or None where it cannot tell.")
-      .def_readonly("looked_at", &SourceSummary::looked_at, "Frames.")
-      .def_readonly("unreadable", &SourceSummary::unreadable, "Frames of those.")
+      .def_readonly("frames", &SourceSummary::frames, "Number of frames of the source, or None if unknown.")
+      .def_readonly("looked_at", &SourceSummary::looked_at, "Number of inspected frames.")
+      .def_readonly("unreadable", &SourceSummary::unreadable, "Number of unreadable frames among them.")
       .def_readonly("first_problem", &SourceSummary::first_problem)
-      .def_readonly("seconds", &SourceSummary::seconds, "From the first to the last frame that was looked at.")
+      .def_readonly("seconds", &SourceSummary::seconds, "Seconds from the first to the last inspected frame.")
       .def_readonly("rate", &SourceSummary::rate, "Hz.")
-      .def_readonly("nearest", &SourceSummary::nearest, "Metres; one measurement in a hundred is nearer.")
-      .def_readonly("median", &SourceSummary::median, "Metres.")
-      .def_readonly("farthest", &SourceSummary::farthest, "Metres; one measurement in a hundred is farther.")
-      .def_readonly("measured_share", &SourceSummary::measured_share, "Of the depth pixels.")
-      .def_readonly("with_color", &SourceSummary::with_colour, "Frames.")
-      .def_readonly("with_pose", &SourceSummary::with_pose, "Frames.")
-      .def_readonly("doubts", &SourceSummary::doubts, "What is missing or cannot be right, a line each.")
+      .def_readonly("nearest", &SourceSummary::nearest, "1st percentile of depth, meters.")
+      .def_readonly("median", &SourceSummary::median, "Median depth, meters.")
+      .def_readonly("farthest", &SourceSummary::farthest, "99th percentile of depth, meters.")
+      .def_readonly("measured_share", &SourceSummary::measured_share,
+                    "Fraction of the depth pixels with a measurement.")
+      .def_readonly("with_color", &SourceSummary::with_color, "Number of frames with color.")
+      .def_readonly("with_pose", &SourceSummary::with_pose, "Number of frames with a pose.")
+      .def_readonly("doubts", &SourceSummary::doubts, "Missing or implausible data, one line each.")
       .def("__repr__", [](const SourceSummary& s) {
         return repr("SourceSummary",
                     {{"layout", s.layout}, {"frames", s.frames}, {"rate", s.rate}, {"doubts", s.doubts}});
@@ -196,20 +198,20 @@ void add_inspection(py::module_& m) {
       py::arg("source"), py::arg("frames") = 100, R"(inspect(source, frames=100)
 --
 
-Reads the first frames of a Source, and tells what it holds and what is doubtful, as a SourceSummary.)");
+Reads the first frames of a Source, and returns its contents and implausible data as a SourceSummary.)");
 }
 
 /// Writes frames in TUM's layout as they arrive.
 struct GuardedRecorder {
   GuardedRecorder(const std::filesystem::path& folder, const Rig& r, double scale, bool png)
-      : rig(r), depth_scale(scale), colour_as_png(png), recorder(folder, r, scale) {}
+      : rig(r), depth_scale(scale), color_as_png(png), recorder(folder, r, scale) {}
   void add(const SizedFrame& frame) {
     expect_images_of(rig, frame);
-    guard.run([&] { recorder.add(encode(frame.frame, rig, colour_as_png, depth_scale)); });
+    guard.run([&] { recorder.add(encode(frame.frame, rig, color_as_png, depth_scale)); });
   }
   Rig rig;
   double depth_scale;
-  bool colour_as_png;
+  bool color_as_png;
   Recorder recorder;
   Guard guard;
   SizedFrame scratch;
@@ -226,10 +228,10 @@ void add_recorder(py::module_& m) {
   py::class_<GuardedRecorder>(m, "Recorder", R"(Recorder(folder, rig, *, depth_scale=5000.0, color_png=False)
 --
 
-Writes a recording in TUM's layout as it is taken. What is there can be read whenever the program ends.
+Writes a recording in the TUM layout, frame by frame. It is readable whenever the program ends.
 
-folder: new or empty. depth_scale: units per metre of the depth images; with 5000 they reach 13.1 m. color_png: PNG
-instead of JPEG. Raises Error where the folder holds something.)")
+folder: new or empty. depth_scale: units per meter of the depth images; the range is 13.1 m at 5000. color_png: PNG
+instead of JPEG. Raises Error if the folder is not empty.)")
       .def(py::init<const std::filesystem::path&, const Rig&, double, bool>(), py::arg("folder"), py::arg("rig"),
            py::kw_only(), py::arg("depth_scale") = kTumDepthScale, py::arg("color_png") = false,
            R"(__init__(self, folder, rig, *, depth_scale=5000.0, color_png=False)
@@ -238,11 +240,11 @@ instead of JPEG. Raises Error where the folder holds something.)")
 )")
       .def(
           "add",
-          [](GuardedRecorder& r, const py::object& depth, const py::object& colour, const py::object& time,
+          [](GuardedRecorder& r, const py::object& depth, const py::object& color, const py::object& time,
              const py::object& depth_scale) {
             if (py::isinstance<SizedFrame>(depth)) return r.add(depth.cast<const SizedFrame&>());
             SizedFrame frame = std::exchange(r.scratch, {});
-            fill(frame, {depth, colour, time, depth_scale, py::none(), py::none(), py::none(), py::none(), py::none()},
+            fill(frame, {depth, color, time, depth_scale, py::none(), py::none(), py::none(), py::none(), py::none()},
                  r.next++, &r.rig);
             r.add(frame);
             r.scratch = std::move(frame);
@@ -251,16 +253,16 @@ instead of JPEG. Raises Error where the folder holds something.)")
           py::arg("depth_scale") = py::none(), R"(add(self, depth, color=None, *, time=None, depth_scale=None)
 --
 
-Writes a Frame, or own images as Frame takes them. Raises Error when the disk is full; the recording is then as it was.)")
+Writes a Frame, or images as for Frame. Raises Error if the disk is full; the recording then stays unchanged.)")
       .def_property_readonly(
-          "bytes", [](const GuardedRecorder& r) { return r.recorder.bytes(); }, "Written so far.");
+          "bytes", [](const GuardedRecorder& r) { return r.recorder.bytes(); }, "Number of bytes written.");
 
   py::class_<GuardedWriter>(m, "LayoutWriter", R"(LayoutWriter(layout, folder, rig)
 --
 
-Writes a recording in the layout of another program or data set (layouts), frame by frame, with their poses.
+Writes a recording with poses in the layout of another program or data set (layouts), frame by frame.
 
-folder: empty. Raises Error for cameras that the layout cannot tell, with what to do.)")
+folder: empty. Raises Error with the remedy for cameras that the layout cannot store.)")
       .def(py::init([](const std::string& layout, const std::filesystem::path& folder, const Rig& rig) {
              return GuardedWriter{rig, write_layout(layout, folder, rig)};
            }),
@@ -272,24 +274,25 @@ folder: empty. Raises Error for cameras that the layout cannot tell, with what t
           "add",
           [](GuardedWriter& w, const SizedFrame& frame) {
             expect_images_of(w.rig, frame);
-            if (!frame.frame.world_from_camera) throw py::value_error("the frame has no pose, which layouts keep");
+            if (!frame.frame.world_from_camera)
+              throw py::value_error("the frame has no pose, which the layout requires");
             w.guard->run([&] { w.writer->add(frame.frame); });
           },
           py::arg("frame"), R"(add(self, frame)
 --
 
-Writes a Frame that has a pose.)")
+Writes a Frame with a pose.)")
       .def(
           "finish", [](GuardedWriter& w) { w.guard->run([&] { w.writer->finish(); }); },
           R"(finish(self)
 --
 
-Writes what lists the frames: nothing can be read before.)");
+Writes the index of the frames; the recording is unreadable before.)");
   m.def(
       "layouts", [] { return std::vector<std::string>(std::begin(kLayouts), std::end(kLayouts)); }, R"(layouts()
 --
 
-Names of the layouts that LayoutWriter writes.)");
+Names of the layouts for LayoutWriter.)");
 }
 
 }  // namespace
@@ -304,7 +307,7 @@ std::optional<SizedFrame> GuardedSource::next() {
   auto& live = dynamic_cast<LiveSource&>(*source);
   for (;;) {
     auto [frame, ended] = guard->run([&] {
-      auto newest = live.next_within(kPatience);
+      auto newest = live.next_within(kSignalInterval);
       return std::pair(std::move(newest), live.ended());
     });
     check_signals();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/synthetic.hpp"
+#include "cairn/synthetic/synthetic.hpp"
 
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -15,7 +15,7 @@ namespace cairn::python {
 namespace {
 
 /// Images of a scene camera, with their size.
-struct Looked {
+struct RenderedView {
   SceneImages images;
   Camera camera;
 };
@@ -31,7 +31,7 @@ Doubles exact_distances(const Scene& scene, const py::object& points) {
   const auto at = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(points);
   if (!at || at.ndim() < 1 || at.shape(at.ndim() - 1) != 3) {
     PyErr_Clear();
-    throw py::value_error("points is " + told(points) + "; (..., 3) is expected, in metres");
+    throw py::value_error("points is " + description_of(points) + "; (..., 3) is expected, in meters");
   }
   Doubles distances(leading_shape(at));
   double* to = distances.mutable_data();
@@ -43,18 +43,18 @@ Doubles exact_distances(const Scene& scene, const py::object& points) {
 
 py::array image(const py::object& self, const auto& pixels) {
   using T = std::remove_cvref_t<decltype(pixels[0])>;
-  const auto& looked = self.cast<const Looked&>();
-  return view<T>(pixels.data(), {looked.camera.height, looked.camera.width}, self);
+  const auto& rendered = self.cast<const RenderedView&>();
+  return view<T>(pixels.data(), {rendered.camera.height, rendered.camera.width}, self);
 }
 
 void add_scene(py::module_& m) {
   py::class_<Scene>(m, "Scene", R"(Scene(name)
 --
 
-A scene whose surface is known exactly. World frame: metres, y down; the camera's path starts near the origin.
+Scene with an exactly known surface. World frame: meters, y down; the camera path starts near the origin.
 
 name: 'room' (furnished), 'room-with-mover', 'flat' (four rooms), 'twin-rooms', 'sphere', 'plane', 'corridor',
-'loop' or 'building?recording=17' (see docs/formats.md).)")
+'loop' or 'building?recording=17' (see docs/inputs.md).)")
       .def(py::init(&synthetic_scene), py::arg("name"), R"(__init__(self, name)
 --
 
@@ -63,13 +63,13 @@ name: 'room' (furnished), 'room-with-mover', 'flat' (four rooms), 'twin-rooms', 
       .def("distance", &exact_distances, py::arg("points"), R"(distance(self, points)
 --
 
-Exact distances at points (..., 3) to the nearest surface that stands still, (...) float64, metres; negative inside.)")
+Exact distances at points (..., 3) to the nearest static surface, (...) float64, meters; negative inside.)")
       .def(
           "pose", [](const Scene& s, double seconds) { return to_numpy(s.world_from_camera(seconds)); },
           py::arg("time"), R"(pose(self, time)
 --
 
-world_from_camera, (4, 4), of a hand-held-like camera at a time, seconds.)")
+Pose of a camera with handheld motion, world_from_camera, (4, 4). time: seconds.)")
       .def(
           "surface",
           [](const Scene& s, float spacing) {
@@ -79,7 +79,7 @@ world_from_camera, (4, 4), of a hand-held-like camera at a time, seconds.)")
           py::arg("spacing") = 0.02, R"(surface(self, spacing=0.02)
 --
 
-The surface of what stands still as a Mesh with sides of at most spacing metres, exact at its vertices.)")
+Static surface as a Mesh with edges of at most spacing meters, exact at its vertices.)")
       .def("__repr__", [](const Scene& s) {
         return repr("Scene", {{"name", s.name}});
       });
@@ -89,45 +89,45 @@ The surface of what stands still as a Mesh with sides of at most spacing metres,
 
 void add_synthetic(py::module_& m) {
   add_scene(m);
-  py::class_<Looked>(m, "SceneImages", "What a camera sees of a scene. Arrays show its own memory.")
+  py::class_<RenderedView>(m, "SceneImages", "Rendered images of a scene. Arrays are views of its memory.")
       .def_property_readonly(
-          "depth", [](const py::object& self) { return image(self, self.cast<const Looked&>().images.depth); },
-          "(rows, columns) float32, metres along z; 0: nothing within 100 m.")
+          "depth", [](const py::object& self) { return image(self, self.cast<const RenderedView&>().images.depth); },
+          "(rows, columns) float32, meters along z; 0: no surface within 100 m.")
       .def_property_readonly(
           "color",
           [](const py::object& self) {
-            const auto& l = self.cast<const Looked&>();
+            const auto& l = self.cast<const RenderedView&>();
             const py::ssize_t rows = l.camera.height, columns = l.camera.width;
             return py::array_t<std::uint8_t>({rows, columns, py::ssize_t{3}},
                                              {4 * columns, py::ssize_t{4}, py::ssize_t{1}},
-                                             reinterpret_cast<const std::uint8_t*>(l.images.colour.data()), self);
+                                             reinterpret_cast<const std::uint8_t*>(l.images.color.data()), self);
           },
           "(rows, columns, 3) uint8, R, G, B.")
       .def_property_readonly(
           "confidence",
           [](const py::object& self) -> py::object {
-            const auto& l = self.cast<const Looked&>();
+            const auto& l = self.cast<const RenderedView&>();
             return l.images.confidence.empty() ? py::object(py::none()) : image(self, l.images.confidence);
           },
-          "(rows, columns) uint8, or None: of phones alone.")
+          "(rows, columns) uint8 with the noise of a phone's lidar, or None.")
       .def(
           "add_noise",
-          [](Looked& l, const std::string& kind, std::uint64_t seed, int frame) {
+          [](RenderedView& l, const std::string& kind, std::uint64_t seed, int frame) {
             const py::gil_scoped_release release;
             SceneImages noisy = l.images;
             add_noise(noisy, l.camera, kind, seed, frame);
-            return Looked{std::move(noisy), l.camera};
+            return RenderedView{std::move(noisy), l.camera};
           },
           py::arg("kind") = "kinect", py::kw_only(), py::arg("seed") = 1, py::arg("frame") = 0,
           R"(add_noise(self, kind='kinect', *, seed=1, frame=0)
 --
 
-What a depth camera would have measured, as new SceneImages: 'kinect', 'tof', 'stereo', 'lidar' (with confidence) or
-'none'. The same seed and frame give the same noise.)");
+Images with the noise of a depth camera, as new SceneImages. kind: 'kinect', 'tof', 'stereo', 'lidar' (with
+confidence) or 'none'. Deterministic for the same seed and frame.)");
   py::class_<GuardedSceneCamera>(m, "SceneCamera", R"(SceneCamera(scene, camera=None, *, device=-1)
 --
 
-A camera in a Scene, rendered on a device of its own; without camera the one that synthetic recordings have.)")
+Camera in a Scene, rendered on its own device. Default of camera: the camera of synthetic recordings.)")
       .def(py::init([](const Scene& scene, const std::optional<Camera>& camera, int device) {
              const py::gil_scoped_release release;
              return std::make_unique<GuardedSceneCamera>(scene, camera.value_or(synthetic_camera()), device);
@@ -142,12 +142,12 @@ A camera in a Scene, rendered on a device of its own; without camera the one tha
           "look",
           [](GuardedSceneCamera& c, const py::object& pose, double time) {
             const Eigen::Isometry3d at = pose_of(pose, "pose");
-            return Looked{c.guard.run([&] { return c.state.look(at, time); }), c.camera};
+            return RenderedView{c.guard.run([&] { return c.state.render(at, time); }), c.camera};
           },
           py::arg("pose"), py::arg("time") = 0.0, R"(look(self, pose, time=0.0)
 --
 
-Exact images from a pose, world_from_camera (4, 4), at a time in seconds, as SceneImages.)");
+Renders exact images, as SceneImages. pose: world_from_camera (4, 4). time: seconds.)");
 }
 
 }  // namespace cairn::python

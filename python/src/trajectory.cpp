@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/trajectory.hpp"
 
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -18,11 +18,12 @@ Trajectory trajectory_of(const py::handle& times, const py::handle& poses) {
   const auto matrices = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(poses);
   if (!stamps || stamps.ndim() != 1) {
     PyErr_Clear();
-    throw py::value_error("times is " + told(times) + "; (N,) numbers are expected, in seconds");
+    throw py::value_error("times is " + description_of(times) + "; (N,) numbers are expected, in seconds");
   }
   if (!matrices || matrices.ndim() != 3 || matrices.shape(0) != stamps.shape(0)) {
     PyErr_Clear();
-    throw py::value_error("poses is " + told(poses) + "; (" + std::to_string(stamps.shape(0)) + ", 4, 4) is expected");
+    throw py::value_error("poses is " + description_of(poses) + "; (" + std::to_string(stamps.shape(0)) +
+                          ", 4, 4) is expected");
   }
   Trajectory trajectory;
   for (py::ssize_t i = 0; i < stamps.shape(0); ++i) {
@@ -55,9 +56,9 @@ void add_trajectory(py::module_& m) {
   py::class_<StampedPoses>(m, "Trajectory", R"(Trajectory(times, poses)
 --
 
-Poses of the depth camera with increasing times.
+Poses of the depth camera, by increasing time.
 
-times: (N,), seconds. poses: (N, 4, 4), world_from_camera, metres.)")
+times: (N,), seconds. poses: (N, 4, 4), world_from_camera, meters.)")
       .def(py::init([](const py::object& times, const py::object& poses) {
              return StampedPoses{trajectory_of(times, poses)};
            }),
@@ -65,9 +66,9 @@ times: (N,), seconds. poses: (N, 4, 4), world_from_camera, metres.)")
 --
 
 )")
-      .def_property_readonly("times", &times_of, "(N,) float64, seconds; shows the trajectory's own memory.")
+      .def_property_readonly("times", &times_of, "(N,) float64, seconds. A view of the trajectory's memory.")
       .def_property_readonly("poses", &matrices_of,
-                             "(N, 4, 4) float64, world_from_camera, metres; shows the trajectory's own memory.")
+                             "(N, 4, 4) float64, world_from_camera, meters. A view of the trajectory's memory.")
       .def("__len__", [](const StampedPoses& t) { return t.poses.size(); })
       .def(
           "at",
@@ -75,19 +76,19 @@ times: (N,), seconds. poses: (N, 4, 4), world_from_camera, metres.)")
           py::arg("time"), py::arg("max_gap") = 0.1, R"(at(self, time, max_gap=0.1)
 --
 
-The pose at a time, (4, 4) float64, between two that are at most max_gap seconds apart; None where there are none.)")
+Pose at a time, (4, 4) float64, interpolated between poses at most max_gap seconds apart; None without such poses.)")
       .def_static(
           "read", [](const std::filesystem::path& file) { return StampedPoses{read_trajectory(file)}; },
           py::arg("file"), R"(read(file)
 --
 
-Reads the TUM format, 't tx ty tz qx qy qz qw' a line. Raises Error with file and line.)")
+Reads the TUM format, 't tx ty tz qx qy qz qw' per line. Raises Error with file and line.)")
       .def(
           "write", [](const StampedPoses& t, const std::filesystem::path& file) { write_trajectory(file, t.poses); },
           py::arg("file"), R"(write(self, file)
 --
 
-Writes the TUM format, whole or not at all.)")
+Writes the TUM format, atomically.)")
       .def("__repr__",
            [](const StampedPoses& t) { return "Trajectory of " + std::to_string(t.poses.size()) + " poses"; });
 }

@@ -3,7 +3,7 @@
 #pragma once
 #include <pybind11/pybind11.h>
 
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/trajectory.hpp"
 
 namespace cairn::python {
 

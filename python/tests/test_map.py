@@ -30,7 +30,7 @@ def test_meshes_are_arrays(mapper: cairn.Mapper, here: Path) -> None:
     assert np.isfinite(vertices).all()
 
 
-def test_meshes_are_made_written_and_read(here: Path) -> None:
+def test_meshes_are_created_written_and_read(here: Path) -> None:
     corners = np.array([[0, 0, 1], [1, 0, 1], [0, 1, 1]])
     colors = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], np.uint8)
     mesh = cairn.Mesh(corners, [[0, 1, 2]], colors=colors)
@@ -45,31 +45,31 @@ def test_meshes_are_made_written_and_read(here: Path) -> None:
     up[1, 3] = -1
     assert np.array_equal(mesh.transformed(up).vertices[0], [0, -1, 1])
     assert cairn.evaluate.topology("triangle.ply").border_edges == 3
-    with pytest.raises(ValueError, match="triangles name vertex 3 of 3"):
+    with pytest.raises(ValueError, match="triangles refer to vertex 3; the mesh has 3 vertices"):
         cairn.Mesh(corners, [[0, 1, 3]])
     with pytest.raises(TypeError, match="triangles is float64"):
         cairn.Mesh(corners, [[0.0, 1.0, 2.0]])
-    with pytest.raises(ValueError, match="as many as vertices, 3, are expected"):
+    with pytest.raises(ValueError, match="normals has 1 rows; 3 are expected"):
         cairn.Mesh(corners, [[0, 1, 2]], normals=[[0, 0, 1]])
     with pytest.raises(cairn.Error, match="triangle.xyz"):
         mesh.write("triangle.xyz")
 
 
-def test_distances_have_the_points_shape(mapper: cairn.Mapper) -> None:
+def test_distances_have_the_shape_of_the_points(mapper: cairn.Mapper) -> None:
     points = np.random.default_rng(1).uniform(-1, 1, (4, 5, 3))
     d, g, known = mapper.distances(points)
     assert d.shape == known.shape == (4, 5) and g.shape == (4, 5, 3)
     assert d.dtype == g.dtype == np.float32 and known.dtype == np.bool_
     assert np.array_equal(np.isnan(d), ~known) and not g[~known].any()
-    alone = mapper.distances().query(points[1, 2].astype(np.float32))
-    assert alone[0].shape == () and np.array_equal(alone[0], d[1, 2], equal_nan=True)
+    single = mapper.distances().query(points[1, 2].astype(np.float32))
+    assert single[0].shape == () and np.array_equal(single[0], d[1, 2], equal_nan=True)
     assert mapper.distances(np.empty((0, 3)))[0].shape == (0,)
     for wrong, kind in ((np.zeros((3, 2)), ValueError), (np.array(["north"] * 3), TypeError), (None, TypeError)):
         with pytest.raises(kind, match="points is "):
             mapper.distances().query(wrong)  # type: ignore[arg-type]
 
 
-def test_distances_are_right(scene: cairn.Scene, rig: cairn.Rig, images: List[Images]) -> None:
+def test_distances_match_the_scene(scene: cairn.Scene, rig: cairn.Rig, images: List[Images]) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL, poses="given")
     for i, (depth, color) in enumerate(images):
         mapper.add(depth, color, time=i / 30, pose=scene.pose(i / 30))
@@ -81,7 +81,7 @@ def test_distances_are_right(scene: cairn.Scene, rig: cairn.Rig, images: List[Im
     assert known.mean() > 0.7 and np.median(np.abs(d - truth)[known]) < 0.02
 
 
-def test_fields_are_made_once(rig: cairn.Rig, images: List[Images]) -> None:
+def test_fields_are_cached_until_the_map_changes(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = mapped(rig, images[:2])
     before = mapper.distances()
     assert np.shares_memory(before.query([0, 0, 1])[0], before.query([0, 0, 1])[0]) is False
@@ -129,33 +129,35 @@ def test_voxels_are_arrays(mapper: cairn.Mapper) -> None:
     assert dense.values[tuple(index)] == voxels.distances[block, x, y, z]
 
 
-def test_fields_may_be_asked_by_many_threads(mapper: cairn.Mapper) -> None:
+def test_fields_are_thread_safe(mapper: cairn.Mapper) -> None:
     field = mapper.distances()
     points = np.random.default_rng(1).uniform(-1, 1, (50_000, 3)).astype(np.float32)
-    right, got = field.query(points)[0], []
+    expected, results = field.query(points)[0], []
 
-    def ask() -> None:
-        got.append(field.query(points)[0])
+    def query() -> None:
+        results.append(field.query(points)[0])
 
-    threads = [threading.Thread(target=ask) for _ in range(4)]
+    threads = [threading.Thread(target=query) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert all(np.array_equal(d, right, equal_nan=True) for d in got)
+    assert all(np.array_equal(d, expected, equal_nan=True) for d in results)
 
 
-def test_exports(mapper: cairn.Mapper, here: Path) -> None:
-    told: List[str] = []
+def test_exports_all_formats(mapper: cairn.Mapper, here: Path) -> None:
+    steps: List[str] = []
     map = mapper.map()
-    textured = map.export("room.glb", texture=True, simplify=0.2, progress=lambda done, count, what: told.append(what))
-    assert textured is not None and textured.textures == 1 and told
+    textured = map.export("room.glb", texture=True, simplify=0.2, progress=lambda done, count, step: steps.append(step))
+    assert textured is not None and textured.textures == 1 and steps
     assert [Path(f).name for f in textured.files] == ["room.glb"] and textured.triangles < textured.full_triangles
+    assert textured.color_camera.rotation.shape == textured.color_camera.translation.shape == (3,)
+    assert abs(textured.color_camera.focal_scale - 1) < 0.05
     plain = map.export("room.ply")
     assert plain is not None and plain.textures == 0 and cairn.Mesh.read("room.ply").colors is not None
     map.export("zup.ply", axes="zup")
-    turned, flat = cairn.Mesh.read("zup.ply"), cairn.Mesh.read("room.ply")
-    assert np.array_equal(turned.vertices, flat.vertices)  # read back into the world
+    rotated, flat = cairn.Mesh.read("zup.ply"), cairn.Mesh.read("room.ply")
+    assert np.array_equal(rotated.vertices, flat.vertices)  # read back into the world
     assert b"axes zup: x right, y forward, z up" in Path("zup.ply").read_bytes()[:200]
     map.export("tileset.json", geo=(48.137, 11.575, 519, 90), texture=False)
     assert b'"transform"' in Path("tileset.json").read_bytes()
@@ -172,13 +174,13 @@ def test_exports(mapper: cairn.Mapper, here: Path) -> None:
         map.export("room.xyz")
     with pytest.raises(cairn.Error, match="ratio|simplify"):
         map.export("x.glb", simplify=-1)
-    with pytest.raises(TypeError, match="export has no option 'colour'"):
-        map.export("x.glb", colour=True)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="export has no option 'color'"):
+        map.export("x.glb", color=True)  # type: ignore[call-arg]
     with pytest.raises(ValueError, match="compress is 'zip'"):
         map.export("x.glb", compress="zip")  # type: ignore[arg-type]
 
 
-def test_a_map_without_color_has_no_texture(rig: cairn.Rig, images: List[Images], here: Path) -> None:
+def test_map_without_color_has_no_texture(rig: cairn.Rig, images: List[Images], here: Path) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL)
     mapper.add(images[0][0], time=0)
     done = mapper.map().export("gray.glb")
@@ -187,7 +189,7 @@ def test_a_map_without_color_has_no_texture(rig: cairn.Rig, images: List[Images]
         mapper.map().export("gray.glb", texture=True)
 
 
-def test_sessions_go_on(rig: cairn.Rig, images: List[Images], here: Path) -> None:
+def test_sessions_resume_identically(rig: cairn.Rig, images: List[Images], here: Path) -> None:
     session = cairn.Session.create("session")
     mapper = session.mapper(rig, voxel_size=VOXEL)
     for i in range(4):
@@ -204,11 +206,11 @@ def test_sessions_go_on(rig: cairn.Rig, images: List[Images], here: Path) -> Non
     gc.collect()
     for i in range(4, 8):
         assert mapper.add(*images[i], time=i / 30).state == "fused"
-    whole = mapped(rig, images[:8])
-    assert np.array_equal(mapper.mesh().vertices, whole.mesh().vertices)
+    uninterrupted = mapped(rig, images[:8])
+    assert np.array_equal(mapper.mesh().vertices, uninterrupted.mesh().vertices)
 
 
-def test_sessions_are_joined(rig: cairn.Rig, images: List[Images], here: Path) -> None:
+def test_sessions_are_merged(rig: cairn.Rig, images: List[Images], here: Path) -> None:
     for name, part in (("a", images), ("b", images[3:])):
         session = cairn.Session.create(name)
         mapper = session.mapper(rig, voxel_size=VOXEL)
@@ -218,14 +220,15 @@ def test_sessions_are_joined(rig: cairn.Rig, images: List[Images], here: Path) -
         assert session.problem() is None
         del session, mapper
     gc.collect()
-    joined = cairn.Session.copy("a", "both")
-    mapper = joined.mapper()
-    merged = cairn.Session.merge(mapper, "b")
-    assert merged.joined and merged.loops > 0 and mapper.recordings == 2
-    joined.checkpoint(mapper)
+    merged = cairn.merge_sessions(["a", "b"], "both")
+    assert [m.merged for m in merged] == [True, True] and merged[1].loops > 0
+    session = cairn.Session.resume("both")
+    mapper = session.mapper()
+    assert mapper.recordings == 2
+    session.checkpoint(mapper)
     other = cairn.Mapper(rig, voxel_size=VOXEL)
-    with pytest.raises(ValueError, match="not this session's"):
-        joined.checkpoint(other)
+    with pytest.raises(ValueError, match="not created by this session"):
+        session.checkpoint(other)
 
 
 def test_graphs_are_built_and_optimized(here: Path) -> None:
@@ -248,14 +251,14 @@ def test_graphs_are_built_and_optimized(here: Path) -> None:
     again = cairn.PoseGraph.read("square.g2o")
     assert np.allclose(again.poses, graph.poses) and [e.j for e in again.edges] == [1, 2, 3, 0]
     assert again.edges[3].is_loop and np.allclose(again.edges[0].information, 100 * np.eye(6))
-    with pytest.raises(IndexError, match="there is no node 9 of 4"):
+    with pytest.raises(IndexError, match="node 9 does not exist; the graph has 4 nodes"):
         graph.add_edge(0, 9, step)
     graph.add_edge(0, 2, np.eye(4), -np.eye(6))
     with pytest.raises(cairn.Error, match="positive definite"):
         graph.optimize()
 
 
-def test_trajectories(here: Path) -> None:
+def test_trajectories_interpolate_and_reject_invalid_arrays(here: Path) -> None:
     poses = np.stack([np.eye(4)] * 3)
     poses[:, 0, 3] = [0, 1, 2]
     path = cairn.Trajectory([0.0, 0.1, 0.2], poses)

@@ -14,14 +14,14 @@ import pytest
 from conftest import VOXEL, Images, mapped
 
 
-def test_tracks_its_own_arrays(mapper: cairn.Mapper, scene: cairn.Scene, images: List[Images]) -> None:
+def test_tracks_arrays(mapper: cairn.Mapper, scene: cairn.Scene, images: List[Images]) -> None:
     path = mapper.trajectory()
     assert len(path) == len(images)
     truth = cairn.Trajectory(np.arange(len(images)) / 30, np.stack([scene.pose(i / 30) for i in range(len(images))]))
     assert cairn.evaluate.trajectory(path, truth).ate.rmse < 0.02
 
 
-def test_a_report_tells_the_pose_and_how_sure_it_is(rig: cairn.Rig, images: List[Images]) -> None:
+def test_reports_pose_and_covariance(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL)
     first, second = (mapper.add(*images[i], time=i / 30) for i in range(2))
     assert first.pose is not None and second.pose is not None and second.covariance is not None
@@ -32,14 +32,14 @@ def test_a_report_tells_the_pose_and_how_sure_it_is(rig: cairn.Rig, images: List
     assert np.allclose(moved, second.pose, atol=1e-6)
 
 
-def test_a_lost_frame_has_no_pose(rig: cairn.Rig, images: List[Images]) -> None:
+def test_lost_frame_has_no_pose(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL)
     mapper.add(*images[0], time=0)
     report = mapper.add(np.zeros((240, 320), np.float32), time=1)
     assert report.state in ("lost", "skipped") and report.pose is None and report.covariance is None and report.reason
 
 
-def test_takes_frames_and_arrays_alike(rig: cairn.Rig, images: List[Images]) -> None:
+def test_frames_and_arrays_give_the_same_map(rig: cairn.Rig, images: List[Images]) -> None:
     one, other = cairn.Mapper(rig, voxel_size=VOXEL), cairn.Mapper(rig, voxel_size=VOXEL)
     for i, (depth, color) in enumerate(images[:3]):
         one.add(depth, color, time=i / 30)
@@ -51,7 +51,7 @@ def test_takes_frames_and_arrays_alike(rig: cairn.Rig, images: List[Images]) -> 
     assert np.array_equal(one.mesh().vertices, other.mesh().vertices)
 
 
-def test_takes_depth_in_units(rig: cairn.Rig, images: List[Images]) -> None:
+def test_accepts_depth_in_units(rig: cairn.Rig, images: List[Images]) -> None:
     depth, color = images[0]
     units = np.round(depth * 1000).astype(np.uint16)
     frame = cairn.Frame(units, time=0, depth_scale=1000)
@@ -60,7 +60,7 @@ def test_takes_depth_in_units(rig: cairn.Rig, images: List[Images]) -> None:
     assert cairn.Mapper(rig).add(units, color, time=0, depth_scale=1000).state == "fused"
 
 
-def test_takes_arrays_that_are_not_contiguous(images: List[Images]) -> None:
+def test_accepts_arrays_that_are_not_contiguous(images: List[Images]) -> None:
     depth, color = images[0]
     frame = cairn.Frame(np.asfortranarray(depth), color[:, ::-1, ::-1], time=0)
     assert frame.depth is not None and frame.color is not None
@@ -73,11 +73,11 @@ WRONG: List[Any] = [
     ({"depth": DEPTH[None]}, ValueError, r"depth is float32 of shape \(1, 240, 320\); an array of shape"),
     ({"depth": DEPTH.astype(complex)}, TypeError, "depth is complex128"),
     ({"depth": DEPTH[:, :100]}, ValueError, r"depth has the shape \(240, 100\); the rig's camera has \(240, 320\)"),
-    ({"depth": DEPTH.astype(np.uint16)}, ValueError, "give depth_scale, its units per metre"),
-    ({"depth": DEPTH * np.nan}, ValueError, "76800 values that are negative or no number"),
-    ({"depth": -DEPTH}, ValueError, "76800 values that are negative"),
-    ({"depth": DEPTH * np.inf}, ValueError, "76800 values that are negative or no number"),
-    ({"depth": DEPTH, "depth_scale": 0}, ValueError, "depth_scale is 0; units per metre are expected"),
+    ({"depth": DEPTH.astype(np.uint16)}, ValueError, "give depth_scale, its units per meter"),
+    ({"depth": DEPTH * np.nan}, ValueError, "depth has 76800 negative or non-finite values"),
+    ({"depth": -DEPTH}, ValueError, "depth has 76800 negative or non-finite values"),
+    ({"depth": DEPTH * np.inf}, ValueError, "depth has 76800 negative or non-finite values"),
+    ({"depth": DEPTH, "depth_scale": 0}, ValueError, "depth_scale is 0; units per meter are expected"),
     ({"depth": DEPTH, "color": DEPTH}, TypeError, "color is float32"),
     ({"depth": DEPTH, "color": np.zeros((240, 320), np.uint8)}, ValueError, r"color is uint8 of shape \(240, 320\)"),
     ({"depth": DEPTH, "color": np.zeros((24, 32, 3), np.uint8)}, ValueError, r"color has the shape \(24, 32\)"),
@@ -85,7 +85,7 @@ WRONG: List[Any] = [
     ({"depth": DEPTH, "time": None}, TypeError, "time is missing: seconds"),
     ({"depth": DEPTH, "time": float("nan")}, ValueError, "time is nan"),
     ({"depth": DEPTH, "guess": np.eye(3)}, ValueError, r"guess is float64 of shape \(3, 3\); a pose of shape \(4, 4\)"),
-    ({"depth": DEPTH, "pose": 2 * np.eye(4)}, ValueError, "pose is no pose: a rotation, a translation"),
+    ({"depth": DEPTH, "pose": 2 * np.eye(4)}, ValueError, "pose is not a rigid transform: a rotation, a translation"),
     ({"depth": DEPTH, "pose": "north"}, TypeError, "pose is "),
     ({"depth": DEPTH, "gyro": np.zeros(4)}, ValueError, r"gyro is float64 of shape \(4,\); \(N, 4\) is expected"),
     ({"depth": DEPTH, "acceleration": [1, 2]}, ValueError, "a vector of three numbers is expected"),
@@ -93,13 +93,13 @@ WRONG: List[Any] = [
 
 
 @pytest.mark.parametrize("given, kind, text", WRONG)
-def test_says_what_came_and_what_is_expected(rig: cairn.Rig, given: Any, kind: Any, text: str) -> None:
+def test_errors_state_given_and_expected_value(rig: cairn.Rig, given: Any, kind: Any, text: str) -> None:
     with pytest.raises(kind, match=text):
         add: Any = cairn.Mapper(rig).add
         add(**{"time": 0, **given})
 
 
-def test_errors_have_the_librarys_texts(rig: cairn.Rig, tmp_path: Path) -> None:
+def test_errors_have_the_texts_of_the_library(rig: cairn.Rig, tmp_path: Path) -> None:
     with pytest.raises(cairn.Error, match="there is no such folder"):
         cairn.open(tmp_path / "nowhere")
     with pytest.raises(cairn.Error, match="voxel_size"):
@@ -111,7 +111,7 @@ def test_errors_have_the_librarys_texts(rig: cairn.Rig, tmp_path: Path) -> None:
     assert issubclass(cairn.Error, RuntimeError)
 
 
-def test_given_poses_are_taken(rig: cairn.Rig, scene: cairn.Scene, images: List[Images]) -> None:
+def test_uses_given_poses(rig: cairn.Rig, scene: cairn.Scene, images: List[Images]) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL, poses="given")
     for i, (depth, color) in enumerate(images[:3]):
         report = mapper.add(depth, color, time=i / 30, pose=scene.pose(i / 30))
@@ -121,7 +121,7 @@ def test_given_poses_are_taken(rig: cairn.Rig, scene: cairn.Scene, images: List[
     assert np.median(error) < 0.01
 
 
-def test_what_it_gave_outlives_it(rig: cairn.Rig, images: List[Images]) -> None:
+def test_results_outlive_the_mapper(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = mapped(rig, images[:3])
     map, vertices, field = mapper.map(), mapper.mesh().vertices, mapper.distances()
     times, depth = mapper.trajectory().times, cairn.Frame(images[0][0], time=0).depth
@@ -133,7 +133,7 @@ def test_what_it_gave_outlives_it(rig: cairn.Rig, images: List[Images]) -> None:
     assert depth is not None and np.array_equal(depth, images[0][0])
 
 
-def test_threads_may_share_it(rig: cairn.Rig, images: List[Images]) -> None:
+def test_threads_share_a_mapper(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL)
     errors: List[BaseException] = []
 
@@ -144,14 +144,14 @@ def test_threads_may_share_it(rig: cairn.Rig, images: List[Images]) -> None:
         except BaseException as error:
             errors.append(error)
 
-    def ask() -> None:
+    def read() -> None:
         try:
             for _ in range(10):
                 mapper.mesh(), mapper.trajectory(), mapper.distances(np.zeros((100, 3)))
         except BaseException as error:
             errors.append(error)
 
-    threads = [threading.Thread(target=work) for work in (lambda: add(0), lambda: add(1), ask)]
+    threads = [threading.Thread(target=work) for work in (lambda: add(0), lambda: add(1), read)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -159,7 +159,7 @@ def test_threads_may_share_it(rig: cairn.Rig, images: List[Images]) -> None:
     assert not errors and len(mapper.trajectory()) >= len(images) // 2
 
 
-def test_other_threads_run_meanwhile(rig: cairn.Rig, images: List[Images]) -> None:
+def test_long_calls_release_the_interpreter(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = cairn.Mapper(rig, voxel_size=VOXEL)
     counted, done = [0], threading.Event()
 
@@ -176,17 +176,17 @@ def test_other_threads_run_meanwhile(rig: cairn.Rig, images: List[Images]) -> No
     assert counted[0] > 1000
 
 
-def test_a_callback_cannot_use_what_calls_it(mapper: cairn.Mapper, here: Path) -> None:
-    def ask(done: int, count: int, what: str) -> None:
+def test_callback_cannot_use_the_calling_object(mapper: cairn.Mapper, here: Path) -> None:
+    def use(done: int, count: int, step: str) -> None:
         mapper.mesh()
 
-    with pytest.raises(cairn.Error, match="a callback cannot use what is calling it"):
-        mapper.map().export("x.glb", progress=ask)
+    with pytest.raises(cairn.Error, match="a callback cannot use the object that called it"):
+        mapper.map().export("x.glb", progress=use)
     assert not Path("x.glb").exists()
 
 
-def test_an_exception_in_a_callback_ends_the_call(mapper: cairn.Mapper, here: Path) -> None:
-    def stop(done: int, count: int, what: str) -> None:
+def test_exception_in_a_callback_ends_the_call(mapper: cairn.Mapper, here: Path) -> None:
+    def stop(done: int, count: int, step: str) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -194,7 +194,7 @@ def test_an_exception_in_a_callback_ends_the_call(mapper: cairn.Mapper, here: Pa
     assert not Path("x.glb").exists() and len(mapper.mesh().triangles) > 0
 
 
-def test_refines_and_fuses_again(rig: cairn.Rig, images: List[Images]) -> None:
+def test_refines_and_reintegrates(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = mapped(rig, images)
     assert mapper.refine().keyframes == mapper.statistics().keyframes
     before = len(mapper.mesh().triangles)
@@ -202,15 +202,15 @@ def test_refines_and_fuses_again(rig: cairn.Rig, images: List[Images]) -> None:
     assert not mapper.warnings() and abs(len(mapper.mesh().triangles) / before - 1) < 0.25
 
 
-def test_adjusts_and_fuses_again_with_depth_corrected(rig: cairn.Rig, images: List[Images]) -> None:
+def test_adjusts_and_reintegrates_with_corrected_depth(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = mapped(rig, images)
     mapper.refine()
-    shares: List[float] = []
-    adjusted = mapper.adjust(progress=shares.append)
+    fractions: List[float] = []
+    adjusted = mapper.adjust(progress=fractions.append)
     assert adjusted.keyframes == mapper.statistics().keyframes and adjusted.observations > adjusted.surfels > 0
     assert all(covariance.shape == (6, 6) for _, covariance in adjusted.covariances)
     assert len(adjusted.covariances) == adjusted.keyframes
-    assert shares == sorted(shares) and len(shares) > 1 and not mapper.warnings()
+    assert fractions == sorted(fractions) and len(fractions) > 1 and not mapper.warnings()
     frames: List[int] = []
     correction = cairn.DepthCorrection(np.full((3, 4), 0.001))
     mapper.reintegrate(
@@ -220,29 +220,58 @@ def test_adjusts_and_fuses_again_with_depth_corrected(rig: cairn.Rig, images: Li
     assert not mapper.warnings()
 
 
-def test_an_adjustment_can_be_ended(rig: cairn.Rig, images: List[Images]) -> None:
-    mapper = mapped(rig, images)
-    assert mapper.adjust(progress=lambda share: False).keyframes == 0  # before the first keyframe
+def test_finishes_in_one_call(rig: cairn.Rig, images: List[Images]) -> None:
+    def again() -> Iterator[cairn.Frame]:
+        return (cairn.Frame(d, c, time=i / 30) for i, (d, c) in enumerate(images))
 
-    def stop(share: float) -> None:
+    mapper, other = mapped(rig, images), mapped(rig, images)
+    stages: List[str] = []
+    report = mapper.finish(reintegrate=again(), progress=lambda stage, fraction: stages.append(stage))
+    assert report.refined is not None and report.adjusted is not None and report.is_reintegrated
+    assert list(dict.fromkeys(stages))[-1] == "reintegrate" and not mapper.warnings()
+    other.refine()
+    other.reintegrate(again(), other.adjust().correction)
+    other.freeze_gravity()
+    assert np.array_equal(mapper.mesh().vertices, other.mesh().vertices)
+    report = mapper.finish(refine=True, adjust=True, progress=lambda stage, fraction: False)
+    assert report.refined is not None and not report.is_reintegrated
+
+
+def test_finish_raises_exceptions_of_its_callback(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images)
+
+    def stop(stage: str, fraction: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mapper.finish(adjust=True, progress=stop)
+    with pytest.raises(TypeError, match="a Frame is expected, not a int"):
+        mapper.finish(reintegrate=[1, 2])  # type: ignore[list-item]
+
+
+def test_adjustment_can_be_canceled(rig: cairn.Rig, images: List[Images]) -> None:
+    mapper = mapped(rig, images)
+    assert mapper.adjust(progress=lambda fraction: False).keyframes == 0  # before the first keyframe
+
+    def stop(fraction: float) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         mapper.adjust(progress=stop)
-    with pytest.raises(cairn.Error, match="a callback cannot use what is calling it"):
-        mapper.adjust(progress=lambda share: bool(mapper.mesh()))
+    with pytest.raises(cairn.Error, match="a callback cannot use the object that called it"):
+        mapper.adjust(progress=lambda fraction: bool(mapper.mesh()))
     before = mapper.mesh().vertices
     with pytest.raises(KeyboardInterrupt):
         mapper.reintegrate((cairn.Frame(*images[0], time=0) for _ in range(3)), progress=stop)
     assert np.array_equal(mapper.mesh().vertices, before)
     mapper.reintegrate((cairn.Frame(*images[0], time=0) for _ in range(3)), progress=lambda frames: False)
-    assert mapper.refine(progress=lambda share: False).pairs_aligned == 0
+    assert mapper.refine(progress=lambda fraction: False).pairs_aligned == 0
     assert np.array_equal(mapper.mesh().vertices, before)
-    assert any("it was interrupted" in warning for warning in mapper.warnings())
+    assert any("interrupted" in warning for warning in mapper.warnings())
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 0.21])
-def test_options_that_are_no_numbers_are_refused_by_name(rig: cairn.Rig, value: float) -> None:
+def test_rejects_options_out_of_range_by_name(rig: cairn.Rig, value: float) -> None:
     options = cairn.Options()
     options.fuse.voxel_size = value
     with pytest.raises(cairn.Error, match="fuse.voxel_size"):
@@ -253,7 +282,7 @@ def test_options_that_are_no_numbers_are_refused_by_name(rig: cairn.Rig, value: 
     options.check()
 
 
-def test_frames_that_are_held_out_have_poses_alone(rig: cairn.Rig, images: List[Images]) -> None:
+def test_held_out_frames_get_a_pose_only(rig: cairn.Rig, images: List[Images]) -> None:
     mapper, without = cairn.Mapper(rig, voxel_size=VOXEL), cairn.Mapper(rig, voxel_size=VOXEL)
     for i, (depth, color) in enumerate(images[:6]):
         report = mapper.add(depth, color, time=i / 30, held_out=i == 3)
@@ -267,22 +296,22 @@ def test_frames_that_are_held_out_have_poses_alone(rig: cairn.Rig, images: List[
     assert not frame.held_out
 
 
-def test_what_frames_raise_is_raised(rig: cairn.Rig, images: List[Images]) -> None:
+def test_exceptions_of_the_frames_are_raised(rig: cairn.Rig, images: List[Images]) -> None:
     mapper = mapped(rig, images[:3])
     before = mapper.mesh().vertices
 
-    def unplugged() -> Iterator[cairn.Frame]:
+    def interrupted_frames() -> Iterator[cairn.Frame]:
         yield cairn.Frame(*images[0], time=0)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        mapper.reintegrate(unplugged())
-    with pytest.raises(TypeError, match="a Frame is expected; a int came"):
+        mapper.reintegrate(interrupted_frames())
+    with pytest.raises(TypeError, match="a Frame is expected, not a int"):
         mapper.reintegrate([1, 2])  # type: ignore[list-item]
     assert np.array_equal(mapper.mesh().vertices, before)  # the map stays unchanged
 
 
-def test_distances_follow_live(rig: cairn.Rig, images: List[Images]) -> None:
+def test_live_distances_follow_each_frame(rig: cairn.Rig, images: List[Images]) -> None:
     options = cairn.Options(rig.sensor, voxel_size=VOXEL)
     options.distances.live = True
     mapper = cairn.Mapper(rig, options)

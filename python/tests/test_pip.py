@@ -16,15 +16,15 @@ import subprocess, sys, cairn
 from pathlib import Path
 assert Path(cairn.__file__).is_relative_to(sys.prefix), cairn.__file__
 assert cairn.program().is_relative_to(sys.prefix)
-made = cairn.reconstruct("synthetic:sphere", "out", frames=3, voxel_size=0.04, texture=False)
-assert made.frames.fused == 3
-told = subprocess.run([Path(sys.prefix, "bin", "cairn"), "--version"], check=True, capture_output=True, text=True)
-assert cairn.__version__ in told.stdout
+report = cairn.reconstruct("synthetic:sphere", "out", frames=3, voxel_size=0.04, texture=False)
+assert report.frames.fused == 3
+printed = subprocess.run([Path(sys.prefix, "bin", "cairn"), "--version"], check=True, capture_output=True, text=True)
+assert cairn.__version__ in printed.stdout
 """
 
 
 @pytest.mark.skipif("CAIRN_BUILD" not in os.environ, reason="without a build folder")
-def test_is_installed_by_pip(here: Path) -> None:
+def test_installs_by_pip(here: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "CAIRN_PROGRAM")}
 
     def run(*command: str | Path) -> None:

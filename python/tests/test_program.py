@@ -30,8 +30,8 @@ def test_reconstructs(made: cairn.Report) -> None:
     assert len(cairn.Map.open(made.output).mesh().triangles) > 1000
 
 
-def test_errors_are_the_programs_line(made: cairn.Report, recording: Path, here: Path) -> None:
-    with pytest.raises(cairn.Error, match="holds a map"):
+def test_errors_are_the_error_line_of_the_program(made: cairn.Report, recording: Path, here: Path) -> None:
+    with pytest.raises(cairn.Error, match="already contains a map"):
         cairn.reconstruct(recording, made.output)
     with pytest.raises(cairn.Error, match="nowhere: there is no such"):
         cairn.reconstruct("nowhere", "out")
@@ -60,7 +60,7 @@ def test_options_become_flags() -> None:
         "--no-loops",
         "--frames=3:",
         "--poses=p.txt",
-        "--colour-delay=1",
+        "--color-delay=1",
         "--topic",
         "a",
         "b",
@@ -69,7 +69,7 @@ def test_options_become_flags() -> None:
     assert _flags({"texture": True, "loops": True, "frames": slice(0, 9, 2)}) == ["--texture", "--frames=0:9:2"]
 
 
-def test_a_map_is_held_against_its_truth(made: cairn.Report, recording: Path) -> None:
+def test_evaluates_a_map_against_the_truth(made: cairn.Report, recording: Path) -> None:
     map = cairn.Map.open(made.output)
     error = cairn.evaluate.map(map, recording, samples=20000)
     assert error.trajectory.ate.rmse < 0.02 and error.trajectory.matched_poses == FRAMES
@@ -82,7 +82,7 @@ def test_a_map_is_held_against_its_truth(made: cairn.Report, recording: Path) ->
     assert views.frames == FRAMES // 4 and views.psnr > 18
 
 
-def test_distances_are_held_against_the_scene(recording: Path, scene: cairn.Scene) -> None:
+def test_evaluates_distances_and_loops_against_the_scene(recording: Path, scene: cairn.Scene) -> None:
     source = cairn.open(recording, poses=cairn.recorded_truth(recording))
     mapper = cairn.Mapper(source.rig, voxel_size=VOXEL, poses="given")
     for frame in source:
@@ -93,13 +93,13 @@ def test_distances_are_held_against_the_scene(recording: Path, scene: cairn.Scen
     assert loops.loops == 0 and loops.right == 0
 
 
-def test_maps_are_joined(made: cairn.Report, recording: Path, here: Path) -> None:
+def test_merges_maps(made: cairn.Report, recording: Path, here: Path) -> None:
     other = cairn.reconstruct(recording, "other", voxel_size=VOXEL, texture=False, frames=slice(3, None))
     both = cairn.merge([made.output, other.output], "both", texture=False)
     assert cairn.Map.open(both).recordings == 2
 
 
-def test_truth_is_exact(recording: Path, scene: cairn.Scene) -> None:
+def test_synthetic_truth_is_exact(recording: Path, scene: cairn.Scene) -> None:
     truth = cairn.recorded_truth(recording)
     assert np.allclose(truth.poses[3], scene.pose(truth.times[3]), atol=1e-6)
     surface = cairn.Mesh.read(recording / "groundtruth_mesh.ply")
@@ -111,13 +111,13 @@ def test_truth_is_exact(recording: Path, scene: cairn.Scene) -> None:
     assert np.array_equal(seen.add_noise(seed=3).depth, seen.add_noise(seed=3).depth)
 
 
-def test_control_c_ends_the_run_with_a_map(here: Path) -> None:
+def test_interrupted_run_writes_the_map(here: Path) -> None:
     script = "import cairn; cairn.reconstruct('synthetic:room', 'out', frames=2000, voxel_size=0.02, texture=False)"
     child = subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True, start_new_session=True)
     deadline = time.monotonic() + 120
     while len(list(Path("out/session").rglob("*.depth.png"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.05)
     os.killpg(child.pid, signal.SIGINT)  # as a terminal does: the program has its own process group
-    told = child.communicate(timeout=120)[1]
-    assert "KeyboardInterrupt" in told and child.returncode != 0
+    messages = child.communicate(timeout=120)[1]
+    assert "KeyboardInterrupt" in messages and child.returncode != 0
     assert Path("out/mesh.glb").exists() and Path("out/report.json").exists()

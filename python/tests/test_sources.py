@@ -24,14 +24,14 @@ def test_reads_a_recording(recording: Path, rig: cairn.Rig) -> None:
     assert abs(np.linalg.norm(first.acceleration) - 9.81) < 5
 
 
-def test_holds_out_every_so_many_frames(recording: Path) -> None:
+def test_holds_out_every_nth_frame(recording: Path) -> None:
     held_out = [frame.index for frame in cairn.open(recording, frames=slice(2, 12), hold_out=4) if frame.held_out]
     assert held_out == [5, 9]
     with pytest.raises(cairn.Error, match="give 2 or more"):
         cairn.open(recording, hold_out=1)
 
 
-def test_reads_a_part_of_it_with_poses(recording: Path) -> None:
+def test_reads_a_range_of_frames_with_poses(recording: Path) -> None:
     truth = cairn.recorded_truth(recording)
     assert len(truth) == FRAMES
     frames = list(cairn.open(recording, frames=slice(2, 8, 3), poses=truth))
@@ -45,29 +45,29 @@ def test_reads_a_part_of_it_with_poses(recording: Path) -> None:
         cairn.open(recording, frames=slice(-3, None))
 
 
-def test_renders_scenes_while_they_are_read() -> None:
+def test_renders_synthetic_scenes() -> None:
     source = cairn.open("synthetic:sphere", frames=2)
     assert len(list(source)) == 2
 
 
-def test_plays_a_recording_as_fast_as_it_was_taken(recording: Path) -> None:
+def test_plays_a_recording_in_real_time(recording: Path) -> None:
     source = cairn.open(recording, live=True)
     frames = list(source)
     assert 1 <= len(frames) <= FRAMES and frames[-1].index <= FRAMES - 1
     assert source.dropped == FRAMES - len(frames)
 
 
-def test_records_what_can_be_read_again(here: Path, rig: cairn.Rig, images: List[Images]) -> None:
-    recorder = cairn.Recorder("taken", rig, color_png=True)
+def test_recorder_writes_a_readable_recording(here: Path, rig: cairn.Rig, images: List[Images]) -> None:
+    recorder = cairn.Recorder("recorded", rig, color_png=True)
     for i, (depth, color) in enumerate(images[:2]):
         recorder.add(np.round(depth * 5000).astype(np.uint16), color, time=i / 30, depth_scale=5000)
     recorder.add(cairn.Frame(*images[2], time=2 / 30))
     assert recorder.bytes > 10000
-    frames = list(cairn.open("taken"))
+    frames = list(cairn.open("recorded"))
     assert len(frames) == 3 and frames[2].depth is not None and frames[2].color is not None
     assert np.abs(frames[2].depth - images[2][0]).max() < 1e-4 and np.array_equal(frames[2].color, images[2][1])
     with pytest.raises(cairn.Error):
-        cairn.Recorder("taken", rig)
+        cairn.Recorder("recorded", rig)
     with pytest.raises(ValueError, match=r"depth has the shape \(24, 32\)"):
         recorder.add(cairn.Frame(np.ones((24, 32), np.float32), time=1))
 
@@ -86,39 +86,39 @@ def test_writes_other_layouts(here: Path, rig: cairn.Rig, scene: cairn.Scene, im
     assert len(list(cairn.open("open3d"))) == 3
 
 
-def test_tells_what_a_recording_holds(recording: Path) -> None:
+def test_inspects_a_recording(recording: Path) -> None:
     summary = cairn.inspect(cairn.open(recording), 5)
     assert summary.frames == FRAMES and summary.looked_at == 5 and summary.with_color == 5
     assert 0.3 < summary.nearest < summary.median < summary.farthest < 6 and abs(summary.rate - 30) < 0.1
 
 
-def test_calibration_keeps_what_is_right(recording: Path) -> None:
+def test_keeps_a_correct_color_camera(recording: Path) -> None:
     assert cairn.find_color_camera(cairn.open(recording), frames=4) is None
 
 
-def test_cameras(here: Path) -> None:
+def test_cameras_are_written_read_and_scaled(here: Path) -> None:
     camera = cairn.Camera(640, 480, 500, 510, distortion=[0.1, -0.2])
     assert camera.matrix.tolist() == [[500, 0, 319.5], [0, 510, 239.5], [0, 0, 1]]
     assert camera.distortion == (0.1, -0.2, 0, 0, 0, 0, 0, 0) and camera.lens == "brown_conrady"
     half = camera.resized(320, 240)
     assert (half.fx, half.fy, half.cx, half.cy) == (250, 255, 159.5, 119.5)
-    with pytest.raises(ValueError, match="another shape"):
+    with pytest.raises(ValueError, match="another aspect ratio"):
         camera.resized(320, 320)
     assert "kinect-v1" in cairn.known_cameras() and cairn.Camera.known("kinect-v1").fx == 525
-    with pytest.raises(ValueError, match="known are freiburg1"):
+    with pytest.raises(ValueError, match="known cameras: freiburg1"):
         cairn.Camera.known("nobody")
-    beside = np.eye(4)
-    beside[0, 3] = -0.025
-    rig = cairn.Rig(camera, cairn.ColorCamera(half, beside), sensor="stereo")
+    color_from_depth = np.eye(4)
+    color_from_depth[0, 3] = -0.025
+    rig = cairn.Rig(camera, cairn.ColorCamera(half, color_from_depth), sensor="stereo")
     rig.write("camera.yaml")
     again = cairn.Rig.read("camera.yaml")
     assert again == rig and again != cairn.Rig(camera) and again.sensor.name == "stereo"
-    assert again.color is not None and np.allclose(again.color.color_from_depth, beside)
+    assert again.color is not None and np.allclose(again.color.color_from_depth, color_from_depth)
     with pytest.raises(cairn.Error):
         cairn.Rig(camera, sensor="crystal_ball")
 
 
-def test_options(here: Path) -> None:
+def test_options_are_set_and_read(here: Path) -> None:
     options = cairn.Options("time_of_flight", voxel_size=VOXEL)
     assert options.surface.max_depth == pytest.approx(5.5) and options.fuse.truncation == pytest.approx(4 * VOXEL)
     options.map.loops = False
@@ -132,6 +132,6 @@ def test_options(here: Path) -> None:
         options.read("options.yaml")
 
 
-def test_devices() -> None:
+def test_lists_devices() -> None:
     assert [d.index for d in cairn.devices()] == list(range(len(cairn.devices())))
     assert any(d.missing is None for d in cairn.devices())

@@ -28,11 +28,11 @@ def check(command: list[str], here: Path) -> None:
     assert ran.returncode == 0, ran.stdout + ran.stderr
 
 
-def test_the_package_is_typed(here: Path) -> None:
+def test_package_is_typed(here: Path) -> None:
     check([*STRICT, "-p", "cairn"], here)
 
 
-def test_the_first_lines_are_typed(here: Path) -> None:
+def test_first_lines_are_typed(here: Path) -> None:
     given = "import numpy as np\nfrom numpy.typing import NDArray\npoints: NDArray[np.float32]\n"
     Path("first_lines.py").write_text(given + LINES + "reveal_type(r.pose)\nreveal_type(d)\nreveal_type(known)\n")
     ran = subprocess.run(
@@ -52,7 +52,7 @@ def test_examples_are_typed(here: Path) -> None:
     check([*STRICT, "--ignore-missing-imports", *map(str, sorted((ROOT / "examples" / "python").glob("*.py")))], here)
 
 
-def test_stubs_and_module_agree(here: Path) -> None:
+def test_stubs_match_the_module(here: Path) -> None:
     ran = subprocess.run(
         [sys.executable, "-m", "mypy.stubtest", "--concise", "cairn"],
         env={**os.environ, "MYPYPATH": str(PACKAGE.parent)},
@@ -61,13 +61,13 @@ def test_stubs_and_module_agree(here: Path) -> None:
     )
     # Differences common to pybind11's classes; classes without constructor have their own __init__. With a Frame no
     # time is given; without a Frame a missing time is detected at runtime.
-    usual = (
+    expected = (
         r"is inconsistent, metaclass differs$|\.__init__ is inconsistent, stub does not have \*args argument|"
         r'runtime argument "time" has a default value of type None'
     )
     assert "error" not in ran.stderr, ran.stderr
-    told = [line for line in ran.stdout.splitlines() if not re.search(usual, line)]
-    assert len(ran.stdout) > 0 and told == []
+    differences = [line for line in ran.stdout.splitlines() if not re.search(expected, line)]
+    assert len(ran.stdout) > 0 and differences == []
 
 
 def test_everything_public_is_documented() -> None:
@@ -86,8 +86,8 @@ def test_everything_public_is_documented() -> None:
                 inspect.signature(getattr(thing, member))
 
 
-def test_help_reads_well() -> None:
+def test_help_has_no_internal_names() -> None:
     text = pydoc.plain(pydoc.render_doc(cairn))
     assert "add(self, depth, color=None, *, time=None" in text
-    for alien in ("cairn::", "_cairn.", "pybind11::", "arg0"):
-        assert alien not in text.replace("pybind11_builtins", ""), alien
+    for internal in ("cairn::", "_cairn.", "pybind11::", "arg0"):
+        assert internal not in text.replace("pybind11_builtins", ""), internal

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # SPDX-FileCopyrightText: The Cairn developers
-"""Open3D's VoxelBlockGrid (blocks of 8^3): fuses given poses with colour, raycasts, and tracks frame to model.
+"""Open3D's VoxelBlockGrid (blocks of 8^3): fuses given poses with color, raycasts, and tracks frame to model.
 
-Usage: open3d_peer.py LIST, with lines `depth colour tx ty tz qx qy qz qw`; first line: fx fy cx cy depth_scale frames
+Usage: open3d_peer.py LIST, with lines `depth color tx ty tz qx qy qz qw`; first line: fx fy cx cy depth_scale frames
 """
 import json
 import resource
@@ -61,11 +61,11 @@ for i, line in enumerate(lines[1:int(frames) + 1]):
     depth = np.asarray(o3d.io.read_image(words[0])).copy()
     depth[depth == 65535] = 0
     depth = o3d.t.geometry.Image(o3d.core.Tensor(depth))
-    colour = o3d.t.io.read_image(words[1])
+    color = o3d.t.io.read_image(words[1])
     extrinsic = o3d.core.Tensor(np.linalg.inv(pose))
     marks = [time.perf_counter()]
     blocks = grid.compute_unique_block_coordinates(depth, intrinsic, extrinsic, scale, 5.0, 4.0)
-    grid.integrate(blocks, depth, colour, intrinsic, intrinsic, extrinsic, scale, 5.0, 4.0)
+    grid.integrate(blocks, depth, color, intrinsic, intrinsic, extrinsic, scale, 5.0, 4.0)
     marks.append(time.perf_counter())
     seen = grid.ray_cast(blocks, intrinsic, extrinsic, 640, 480, ["depth", "color"], scale, 0.3, 5.0, 1.0, 4.0)
     marks.append(time.perf_counter())

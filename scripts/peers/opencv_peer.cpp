@@ -38,14 +38,14 @@ int main(int, char** argv) {
     cv::Matx44f m;
     for (int r = 0; r < 4; ++r)
       for (int c = 0; c < 4; ++c) m(r, c) = static_cast<float>(pose.matrix()(r, c));
-    cv::Mat depth = cv::imread(file, cv::IMREAD_UNCHANGED), metres;
+    cv::Mat depth = cv::imread(file, cv::IMREAD_UNCHANGED), meters;
     depth.setTo(0, depth == 65535);
-    depth.convertTo(metres, CV_32F);
+    depth.convertTo(meters, CV_32F);
     const auto start = std::chrono::steady_clock::now();
-    volume->integrate(metres, static_cast<float>(scale), m, cv::kinfu::Intr(intrinsics), i);
+    volume->integrate(meters, static_cast<float>(scale), m, cv::kinfu::Intr(intrinsics), i);
     const auto middle = std::chrono::steady_clock::now();
     cv::Mat points, normals;
-    volume->raycast(m, cv::kinfu::Intr(intrinsics), metres.size(), points, normals);
+    volume->raycast(m, cv::kinfu::Intr(intrinsics), meters.size(), points, normals);
     const auto end = std::chrono::steady_clock::now();
     if (i < 5) continue;
     integrate_ms.push_back(std::chrono::duration<double, std::milli>(middle - start).count());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -13,17 +13,17 @@
 
 #include "base/staging_folder.hpp"
 #include "base/system_file.hpp"
-#include "cairn/unfinished.hpp"
-#include "cairn/writable_folder.hpp"
+#include "base/unfinished.hpp"
+#include "base/writable_folder.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kBuffer = std::size_t{1} << 20;  // bytes per write of a stream
+constexpr std::size_t kBufferSize = std::size_t{1} << 20;  // bytes per write of a stream
 
-std::runtime_error not_written(const fs::path& path, const std::string& why) {
+std::runtime_error write_error(const fs::path& path, const std::string& why) {
   return std::runtime_error("cannot write " + path.string() + ": " + why);
 }
 
@@ -38,7 +38,7 @@ void sync(const fs::path& folder) {
 /// Stream buffer of a file: few large writes; keeps the first error, because streams do not report its cause.
 class FileBuffer final : public std::streambuf {
  public:
-  explicit FileBuffer(const SystemFile& file) : file_(file), bytes_(kBuffer) { start(); }
+  explicit FileBuffer(const SystemFile& file) : file_(file), bytes_(kBufferSize) { start(); }
   [[nodiscard]] int error() const { return error_; }
 
  protected:
@@ -86,10 +86,10 @@ void write_temporary(const fs::path& file, Durable durable, const std::function<
     if (durable == Durable::now) sync(file.parent_path());
   } catch (const SystemError& error) {
     if (!temporary.empty()) unlink(temporary.c_str());
-    throw not_written(file, reason(error.number));
+    throw write_error(file, reason(error.number));
   } catch (const std::exception& error) {
     if (!temporary.empty()) unlink(temporary.c_str());
-    throw not_written(file, error.what());
+    throw write_error(file, error.what());
   }
 }
 
@@ -97,7 +97,7 @@ void write_temporary(const fs::path& file, Durable durable, const std::function<
 void expect_replaceable(const fs::path& folder, const char* mark) {
   if (fs::exists(folder) && !(fs::is_directory(folder) && fs::is_empty(folder)) &&
       (mark == nullptr || !fs::exists(folder / mark)))
-    throw std::runtime_error(folder.string() + ": exists and holds something else; choose another folder");
+    throw std::runtime_error(folder.string() + ": exists and has other content; choose another folder");
 }
 
 }  // namespace
@@ -126,24 +126,24 @@ void write_whole(const fs::path& file, std::span<const std::uint8_t> bytes, Dura
 
 void write_folder(const fs::path& folder, const std::function<void(const fs::path&)>& write, const char* mark) {
   expect_replaceable(folder, mark);
-  fs::path whole = fs::weakly_canonical(fs::absolute(folder));
-  if (!whole.has_filename()) whole = whole.parent_path();
+  fs::path absolute = fs::weakly_canonical(fs::absolute(folder));
+  if (!absolute.has_filename()) absolute = absolute.parent_path();
   std::unique_ptr<StagingFolder> staging;
   try {
     std::error_code error;
-    fs::create_directories(whole.parent_path(), error);
+    fs::create_directories(absolute.parent_path(), error);
     if (error) throw SystemError{error.value()};
-    remove_leftovers(whole.parent_path());
-    staging = std::make_unique<StagingFolder>(whole);
+    remove_leftovers(absolute.parent_path());
+    staging = std::make_unique<StagingFolder>(absolute);
   } catch (const SystemError& error) {
-    throw not_written(folder, reason(error.number));
+    throw write_error(folder, reason(error.number));
   }
   write(staging->content());
   expect_replaceable(folder, mark);
   try {
-    staging->take_the_place_of(whole);
+    staging->replace_folder(absolute);
   } catch (const SystemError& error) {
-    throw not_written(folder, reason(error.number));
+    throw write_error(folder, reason(error.number));
   }
 }
 
@@ -151,7 +151,7 @@ void expect_writable(const fs::path& folder) {
   try {
     unlink(make_temporary(folder / "try").path.c_str());
   } catch (const SystemError& error) {
-    throw not_written(folder, reason(error.number));
+    throw write_error(folder, reason(error.number));
   }
 }
 

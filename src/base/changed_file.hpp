@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string_view>
 
-#include "cairn/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 
 namespace cairn {
 

@@ -19,18 +19,18 @@ namespace cairn {
 /// Saturating product of counts: a wrapped product would pass any bound.
 [[nodiscard]] constexpr std::uint64_t product(std::integral auto first, std::integral auto... others) {
   std::uint64_t all = count_of(first);
-  const auto times = [&](std::uint64_t other) {
+  const auto multiply = [&](std::uint64_t other) {
     const bool wraps = other != 0 && all > std::numeric_limits<std::uint64_t>::max() / other;
     all = wraps ? std::numeric_limits<std::uint64_t>::max() : all * other;
   };
-  (times(count_of(others)), ...);
+  (multiply(count_of(others)), ...);
   return all;
 }
 
-/// True if `count` elements of `bytes_each` fit into `room` bytes after the first `offset`.
-[[nodiscard]] constexpr bool fits(std::uint64_t count, std::uint64_t bytes_each, std::uint64_t room,
+/// True if `count` elements of `bytes_each` fit into `available` bytes after the first `offset`.
+[[nodiscard]] constexpr bool fits(std::uint64_t count, std::uint64_t bytes_each, std::uint64_t available,
                                   std::uint64_t offset = 0) {
-  return offset <= room && product(count, bytes_each) <= room - offset;
+  return offset <= available && product(count, bytes_each) <= available - offset;
 }
 
 }  // namespace cairn

@@ -28,11 +28,11 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);  // NPY data are copied without byte swapping
 
-constexpr int kAnyTileSide = 512;                    // pixels, allowed for any image size
-constexpr std::uint64_t kTiffBytes = 1500;           // maximum compression ratio: LZW's longest string
-constexpr std::uint64_t kRoom = 1 << 16;             // bytes allowed for any file
-constexpr tmsize_t kMostAtOnce = tmsize_t{1} << 28;  // maximum bytes of one libtiff allocation
-constexpr const char* kKnown = "known are 16 bits, and floats of 32 or 64";
+constexpr int kMinTileLimit = 512;                      // pixels, allowed for any image size
+constexpr std::uint64_t kMaxTiffRatio = 1500;           // maximum compression ratio: LZW's longest string
+constexpr std::uint64_t kFreeSize = 1 << 16;            // bytes allowed for any file
+constexpr tmsize_t kMaxAllocation = tmsize_t{1} << 28;  // maximum bytes of one libtiff allocation
+constexpr const char* kExpectedBits = "expected 16 bits, or floats of 32 or 64 bits";
 
 /// Depth channel of a depth image saved as a color picture. Throws if the first three channels differ.
 cv::Mat one_channel(const cv::Mat& image) {
@@ -42,15 +42,15 @@ cv::Mat one_channel(const cv::Mat& image) {
   for (const int channel : {1, 2}) {
     cv::extractChannel(image, other, channel);
     if (std::memcmp(first.data, other.data, first.total() * first.elemSize()) != 0)
-      throw std::runtime_error(fmt::format(
-          "has {} channels of {} bits that differ; depth has one: write the channel that holds it as a 16-bit image",
-          image.channels(), 8 * image.elemSize1()));
+      throw std::runtime_error(
+          fmt::format("has {} different channels of {} bits; depth has one: write its channel as a 16-bit image",
+                      image.channels(), 8 * image.elemSize1()));
   }
   return first;
 }
 
 /// Converts 64-bit floats to 32 bits.
-cv::Mat narrowed(cv::Mat image) {
+cv::Mat to_float32(cv::Mat image) {
   if (image.depth() == CV_64F) image.convertTo(image, CV_32F);
   return image;
 }
@@ -79,16 +79,16 @@ toff_t seek_tiff(thandle_t handle, toff_t offset, int whence) {
 }
 int close_tiff(thandle_t) { return 0; }
 toff_t size_of_tiff(thandle_t handle) { return bytes_of(handle).all.size(); }
-int say_nothing(TIFF*, void*, const char*, const char*, va_list) { return 1; }
+int ignore_message(TIFF*, void*, const char*, const char*, va_list) { return 1; }
 
 using Tiff = std::unique_ptr<TIFF, void (*)(TIFF*)>;
 
 Tiff open_tiff(TiffBytes& bytes) {
   const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                              TIFFOpenOptionsFree);
-  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMostAtOnce);
-  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), say_nothing, nullptr);
-  TIFFOpenOptionsSetWarningHandlerExtR(options.get(), say_nothing, nullptr);
+  TIFFOpenOptionsSetMaxSingleMemAlloc(options.get(), kMaxAllocation);
+  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), ignore_message, nullptr);
+  TIFFOpenOptionsSetWarningHandlerExtR(options.get(), ignore_message, nullptr);
   return {TIFFClientOpenExt("depth", "rm", &bytes, read_tiff, write_tiff, seek_tiff, close_tiff, size_of_tiff, nullptr,
                             nullptr, options.get()),
           TIFFClose};
@@ -101,17 +101,17 @@ T tag(TIFF* tiff, std::uint32_t name) {
   return value;
 }
 
-std::runtime_error refused(const std::string& why) { return std::runtime_error("is a TIFF " + why); }
+std::runtime_error unsupported(const std::string& why) { return std::runtime_error("is a TIFF " + why); }
 
-void check_packing(TIFF* tiff) {
-  const auto packed = tag<std::uint16_t>(tiff, TIFFTAG_COMPRESSION);
+void check_compression(TIFF* tiff) {
+  const auto compression = tag<std::uint16_t>(tiff, TIFFTAG_COMPRESSION);
   if (tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL) > 1 &&
       tag<std::uint16_t>(tiff, TIFFTAG_PLANARCONFIG) != PLANARCONFIG_CONTIG)
-    throw refused("of one plane by channel; write its channels pixel by pixel");
-  constexpr std::array kPackings{COMPRESSION_NONE, COMPRESSION_LZW, COMPRESSION_ADOBE_DEFLATE, COMPRESSION_DEFLATE,
-                                 COMPRESSION_PACKBITS};
-  if (std::find(kPackings.begin(), kPackings.end(), packed) == kPackings.end())
-    throw refused(fmt::format("packed by method {}; known are none, LZW, Deflate and PackBits", packed));
+    throw unsupported("with a plane per channel; write it with interleaved channels");
+  constexpr std::array kCompressions{COMPRESSION_NONE, COMPRESSION_LZW, COMPRESSION_ADOBE_DEFLATE, COMPRESSION_DEFLATE,
+                                     COMPRESSION_PACKBITS};
+  if (std::find(kCompressions.begin(), kCompressions.end(), compression) == kCompressions.end())
+    throw unsupported(fmt::format("compressed by method {}; expected none, LZW, Deflate or PackBits", compression));
 }
 
 /// cv::Mat type of a depth TIFF.
@@ -120,10 +120,10 @@ int type_of(TIFF* tiff) {
              samples = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLESPERPIXEL),
              format = tag<std::uint16_t>(tiff, TIFFTAG_SAMPLEFORMAT);
   const bool is_float = format == SAMPLEFORMAT_IEEEFP;
-  if (samples != 1 && samples != 3) throw refused(fmt::format("of {} channels; depth has one", samples));
+  if (samples != 1 && samples != 3) throw unsupported(fmt::format("of {} channels; depth has one", samples));
   if (!(is_float ? bits == 32 || bits == 64 : bits == 16))
-    throw refused(fmt::format("of {} with {} bits; {}", is_float ? "floats" : "whole numbers", bits, kKnown));
-  check_packing(tiff);
+    throw unsupported(fmt::format("of {} with {} bits; {}", is_float ? "floats" : "integers", bits, kExpectedBits));
+  check_compression(tiff);
   return CV_MAKETYPE(is_float ? (bits == 32 ? CV_32F : CV_64F) : CV_16U, samples);
 }
 
@@ -134,9 +134,9 @@ int type_of_color(TIFF* tiff) {
              kind = tag<std::uint16_t>(tiff, TIFFTAG_PHOTOMETRIC);
   if (bits != 8 || (samples != 1 && samples != 3 && samples != 4) ||
       kind != (samples == 1 ? PHOTOMETRIC_MINISBLACK : PHOTOMETRIC_RGB))
-    throw refused(fmt::format("of {} channels with {} bits; color has 8 bits of grey or of R, G, B: write PNG or JPEG",
-                              samples, bits));
-  check_packing(tiff);
+    throw unsupported(
+        fmt::format("of {} channels with {} bits; color has 8-bit gray or R, G, B: write PNG or JPEG", samples, bits));
+  check_compression(tiff);
   return CV_MAKETYPE(CV_8U, samples);
 }
 
@@ -154,8 +154,8 @@ bool read_strips(TIFF* tiff, cv::Mat& image) {
 
 bool read_tiles(TIFF* tiff, cv::Mat& image) {
   const auto width = tag<std::uint32_t>(tiff, TIFFTAG_TILEWIDTH), height = tag<std::uint32_t>(tiff, TIFFTAG_TILELENGTH);
-  const auto most = static_cast<std::uint32_t>(std::max({image.cols, image.rows, kAnyTileSide}));
-  if (width == 0 || height == 0 || width > most || height > most) return false;
+  const auto max_side = static_cast<std::uint32_t>(std::max({image.cols, image.rows, kMinTileLimit}));
+  if (width == 0 || height == 0 || width > max_side || height > max_side) return false;
   cv::Mat tile(static_cast<int>(height), static_cast<int>(width), image.type());
   const auto bytes = static_cast<tmsize_t>(tile.total() * tile.elemSize());
   if (TIFFTileSize(tiff) != bytes) return false;
@@ -172,12 +172,12 @@ bool read_tiles(TIFF* tiff, cv::Mat& image) {
 cv::Mat decode_tiff(std::span<const std::uint8_t> all, const ImageBound& bound, int (*type_of)(TIFF*)) {
   TiffBytes bytes{all};
   const Tiff tiff = open_tiff(bytes);
-  if (!tiff) throw std::runtime_error("is no TIFF that can be read: damaged or cut off");
+  if (!tiff) throw std::runtime_error("is not a readable TIFF: damaged or cut off");
   const auto width = tag<std::uint32_t>(tiff.get(), TIFFTAG_IMAGEWIDTH),
              height = tag<std::uint32_t>(tiff.get(), TIFFTAG_IMAGELENGTH);
   check_image_size(width, height, bound);
   const int type = type_of(tiff.get());
-  if (product(width, height, CV_ELEM_SIZE(type)) > product(all.size(), kTiffBytes) + kRoom)
+  if (product(width, height, CV_ELEM_SIZE(type)) > product(all.size(), kMaxTiffRatio) + kFreeSize)
     throw std::runtime_error("the file is cut off");
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), type);
   if (!(TIFFIsTiled(tiff.get()) != 0 ? read_tiles(tiff.get(), image) : read_strips(tiff.get(), image)))
@@ -205,7 +205,7 @@ std::array<std::uint32_t, 2> shape_of(std::string_view header) {
     text.remove_prefix(at);
     const std::size_t end = std::min(text.size(), text.find_first_not_of("0123456789"));
     const auto number = number_in<std::uint32_t>(text.substr(0, end));
-    if (!number || shape.size() > 3) throw std::runtime_error("is no NPY file that can be read: its shape is damaged");
+    if (!number || shape.size() > 3) throw std::runtime_error("is not a readable NPY file: its shape is damaged");
     if (*number != 1) shape.push_back(*number);
     text.remove_prefix(end);
   }
@@ -216,11 +216,11 @@ std::array<std::uint32_t, 2> shape_of(std::string_view header) {
 }
 
 cv::Mat decode_npy(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
-  const auto damaged = [] { return std::runtime_error("is no NPY file that can be read: damaged or cut off"); };
+  const auto damaged = [] { return std::runtime_error("is not a readable NPY file: damaged or cut off"); };
   if (bytes.size() < 12) throw damaged();
-  const bool is_old = bytes[6] == 1;  // version 1: header of at most 64 KiB
-  std::size_t begin = is_old ? 10 : 12, length = bytes[8] | std::size_t{bytes[9]} << 8;
-  if (!is_old) length |= std::size_t{bytes[10]} << 16 | std::size_t{bytes[11]} << 24;
+  const bool is_version_1 = bytes[6] == 1;  // version 1: header of at most 64 KiB
+  std::size_t begin = is_version_1 ? 10 : 12, length = bytes[8] | std::size_t{bytes[9]} << 8;
+  if (!is_version_1) length |= std::size_t{bytes[10]} << 16 | std::size_t{bytes[11]} << 24;
   if (length > bytes.size() - begin) throw damaged();
   const std::string_view header(reinterpret_cast<const char*>(bytes.data()) + begin, length);
   std::string_view kind = value_of(header, "descr");
@@ -230,18 +230,18 @@ cv::Mat decode_npy(std::span<const std::uint8_t> bytes, const ImageBound& bound)
       std::find_if(std::begin(kTypes), std::end(kTypes), [&](const auto& t) { return t.first == kind; });
   if (type == std::end(kTypes))
     throw std::runtime_error(
-        fmt::format("is an NPY array of '{}'; known are uint16, float32 and float64, little endian: "
-                    "save depth.astype('<u2') or '<f4'",
+        fmt::format("is an NPY array of '{}'; expected uint16, float32 or float64, little-endian: save "
+                    "depth.astype('<u2') or '<f4'",
                     shown(kind)));
   if (!value_of(header, "fortran_order").starts_with("False"))
-    throw std::runtime_error("is an NPY array column by column; save np.ascontiguousarray(depth)");
+    throw std::runtime_error("is a column-major NPY array; save np.ascontiguousarray(depth)");
   const auto [height, width] = shape_of(header);
   check_image_size(width, height, bound);
   const std::uint64_t size = product(width, height, CV_ELEM_SIZE(type->second));
   if (size > bytes.size() - begin - length) throw std::runtime_error("the file is cut off");
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), type->second);
   std::memcpy(image.data, bytes.data() + begin + length, size);
-  return narrowed(image);
+  return to_float32(image);
 }
 
 // PGM, binary: https://netpbm.sourceforge.net/doc/pgm.html
@@ -257,10 +257,10 @@ cv::Mat decode_pgm(std::span<const std::uint8_t> bytes, const ImageBound& bound)
     while (at < bytes.size() && std::isdigit(bytes[at]) != 0) ++at;
     return number_in<std::uint32_t>({text + begin, at - begin}).value_or(0);
   };
-  const std::uint32_t width = number(), height = number(), most = number();
+  const std::uint32_t width = number(), height = number(), max_value = number();
   check_image_size(width, height, bound);
-  if (most < 256 || most > 65535)
-    throw std::runtime_error(fmt::format("is a PGM of values up to {}; depth needs 16 bits", most));
+  if (max_value < 256 || max_value > 65535)
+    throw std::runtime_error(fmt::format("is a PGM with values up to {}; depth needs 16 bits", max_value));
   if (++at > bytes.size() || product(2, width, height) > bytes.size() - at)
     throw std::runtime_error("the file is cut off");
   cv::Mat image(static_cast<int>(height), static_cast<int>(width), CV_16UC1);
@@ -274,12 +274,12 @@ cv::Mat decode_pgm(std::span<const std::uint8_t> bytes, const ImageBound& bound)
 cv::Mat decode_depth(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
   using namespace std::string_view_literals;
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  if (all.empty()) throw std::runtime_error("is empty, no image; copy it again");
-  if (is_tiff(bytes)) return narrowed(one_channel(decode_tiff(bytes, bound, type_of)));
+  if (all.empty()) throw std::runtime_error("is empty; copy it again");
+  if (is_tiff(bytes)) return to_float32(one_channel(decode_tiff(bytes, bound, type_of)));
   if (all.starts_with("\x93NUMPY")) return decode_npy(bytes, bound);
   if (all.starts_with(kExrMagic)) {
-    const int most = bound.size.empty() ? bound.most_side : std::max(bound.size.width, bound.size.height);
-    return decode_exr(bytes, static_cast<std::uint32_t>(most));
+    const int max_side = bound.size.empty() ? bound.max_side : std::max(bound.size.width, bound.size.height);
+    return decode_exr(bytes, static_cast<std::uint32_t>(max_side));
   }
   if (all.starts_with("P5")) return decode_pgm(bytes, bound);
   const cv::Mat image = decode_image(bytes, Pixels::as_stored, bound);

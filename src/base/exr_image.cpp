@@ -23,12 +23,12 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kFront = 8;            // bytes of the magic number, version and flags
-constexpr std::uint8_t kOtherKinds = 0x18;   // flags of deep data and multi-part files, in the second byte
-constexpr std::uint64_t kMostGrowth = 1500;  // maximum compression ratio, as for TIFF
-constexpr std::uint64_t kRoom = 1 << 16;     // bytes allowed for any file
-constexpr std::uint64_t kChannel = 18;       // minimum bytes of a channel in the header
-constexpr const char* kRemedy = "save one channel of 32-bit floats, scan lines packed with ZIP";
+constexpr std::size_t kPreambleSize = 8;          // bytes of the magic number, version and flags
+constexpr std::uint8_t kUnsupportedFlags = 0x18;  // flags of deep data and multi-part files, in the second byte
+constexpr std::uint64_t kMaxRatio = 1500;         // maximum compression ratio, as for TIFF
+constexpr std::uint64_t kFreeSize = 1 << 16;      // bytes allowed for any file
+constexpr std::uint64_t kMinChannelSize = 18;     // minimum bytes of a channel in the header
+constexpr const char* kRemedy = "save one channel of 32-bit floats, in scan lines compressed with ZIP";
 
 /// Type of a header attribute, with the bytes that OpenEXR reads for its value (0: as many as the header says).
 struct AttributeType {
@@ -37,7 +37,7 @@ struct AttributeType {
 };
 
 /// Types of header attributes with memory bounded by their size in the file.
-constexpr std::array<AttributeType, 26> kTypes{
+constexpr std::array<AttributeType, 26> kAttributeTypes{
     {{"box2i", 16},      {"box2f", 16}, {"chlist", 0},   {"chromaticities", 32},
      {"compression", 1}, {"double", 8}, {"envmap", 1},   {"float", 4},
      {"floatvector", 0}, {"int", 4},    {"keycode", 28}, {"lineOrder", 1},
@@ -46,7 +46,7 @@ constexpr std::array<AttributeType, 26> kTypes{
      {"v2d", 16},        {"v2f", 8},    {"v2i", 8},      {"v3d", 24},
      {"v3f", 12},        {"v3i", 12}}};
 
-std::runtime_error damaged() { return std::runtime_error("is no EXR file that can be read: damaged or cut off"); }
+std::runtime_error damaged() { return std::runtime_error("is not a readable EXR file: damaged or cut off"); }
 
 template <class T>
 T value_of(std::string_view bytes) {
@@ -56,19 +56,18 @@ T value_of(std::string_view bytes) {
   return value;
 }
 
-cv::Rect rect_of(const std::array<std::int32_t, 4>& box, std::uint32_t most_pixels) {
-  constexpr std::int32_t kFarthest = 1 << 20;  // pixels, maximum offset of a corner
+cv::Rect rect_of(const std::array<std::int32_t, 4>& box, std::uint32_t max_side) {
+  constexpr std::int32_t kMaxOffset = 1 << 20;  // pixels, maximum offset of a corner
   const std::int64_t width = std::int64_t{box[2]} - box[0] + 1, height = std::int64_t{box[3]} - box[1] + 1;
-  if (width < 1 || height < 1 || width > most_pixels || height > most_pixels)
-    throw std::runtime_error(
-        fmt::format("tells {} x {} pixels, allowed are 1 to {} a side", width, height, most_pixels));
-  if (box[0] < -kFarthest || box[0] > kFarthest || box[1] < -kFarthest || box[1] > kFarthest) throw damaged();
+  if (width < 1 || height < 1 || width > max_side || height > max_side)
+    throw std::runtime_error(fmt::format("has {} x {} pixels, allowed: 1 to {} per side", width, height, max_side));
+  if (box[0] < -kMaxOffset || box[0] > kMaxOffset || box[1] < -kMaxOffset || box[1] > kMaxOffset) throw damaged();
   return {box[0], box[1], static_cast<int>(width), static_cast<int>(height)};
 }
 
 /// Windows of the stored pixels and of the image.
 struct Windows {
-  cv::Rect data, shown_in;
+  cv::Rect data, display;
 };
 
 /// Bytes of a channel list with its end: per channel a name, its null byte and 16 bytes.
@@ -94,11 +93,11 @@ void check_size(const AttributeType& type, std::string_view value) {
 }
 
 /// Checks the header's attributes (name, type, size, value) before OpenEXR allocates memory for them.
-Windows check_header(std::string_view all, std::uint32_t most_pixels) {
-  if (all.size() < kFront) throw damaged();
-  if ((static_cast<std::uint8_t>(all[5]) & kOtherKinds) != 0)
-    throw std::runtime_error(fmt::format("is an EXR file of several parts or of deep pixels; {}", kRemedy));
-  std::string_view left = all.substr(kFront);
+Windows check_header(std::string_view all, std::uint32_t max_side) {
+  if (all.size() < kPreambleSize) throw damaged();
+  if ((static_cast<std::uint8_t>(all[5]) & kUnsupportedFlags) != 0)
+    throw std::runtime_error(fmt::format("is a multi-part or deep EXR file; {}", kRemedy));
+  std::string_view left = all.substr(kPreambleSize);
   const auto take = [&](std::size_t size) {
     if (size > left.size()) throw damaged();
     const std::string_view taken = left.substr(0, size);
@@ -110,25 +109,25 @@ Windows check_header(std::string_view all, std::uint32_t most_pixels) {
     take(1);
     return found;
   };
-  std::optional<cv::Rect> data, shown_in;
+  std::optional<cv::Rect> data, display;
   std::uint64_t channels = 0;
   for (auto name = text(); !name.empty(); name = text()) {
     const std::string_view type = text(), value = take(value_of<std::uint32_t>(take(4)));
-    const auto* known = std::find_if(kTypes.begin(), kTypes.end(), [&](const auto& t) { return t.name == type; });
-    if (known == kTypes.end())
-      throw std::runtime_error(
-          fmt::format("is an EXR file with an attribute of type '{}', which is not read; {}", shown(type), kRemedy));
+    const auto* known =
+        std::find_if(kAttributeTypes.begin(), kAttributeTypes.end(), [&](const auto& t) { return t.name == type; });
+    if (known == kAttributeTypes.end())
+      throw std::runtime_error(fmt::format("is an EXR file with an attribute of type '{}', which is not supported; {}",
+                                           shown(type), kRemedy));
     check_size(*known, value);
-    if (type == "box2i" && name == "dataWindow")
-      data = rect_of(value_of<std::array<std::int32_t, 4>>(value), most_pixels);
+    if (type == "box2i" && name == "dataWindow") data = rect_of(value_of<std::array<std::int32_t, 4>>(value), max_side);
     if (type == "box2i" && name == "displayWindow")
-      shown_in = rect_of(value_of<std::array<std::int32_t, 4>>(value), most_pixels);
-    if (type == "chlist") channels += value.size() / kChannel + 1;
+      display = rect_of(value_of<std::array<std::int32_t, 4>>(value), max_side);
+    if (type == "chlist") channels += value.size() / kMinChannelSize + 1;
   }
-  if (!data || !shown_in) throw damaged();
-  if (4 * channels * static_cast<std::uint64_t>(data->area()) > all.size() * kMostGrowth + kRoom)
+  if (!data || !display) throw damaged();
+  if (4 * channels * static_cast<std::uint64_t>(data->area()) > all.size() * kMaxRatio + kFreeSize)
     throw std::runtime_error("the file is cut off");
-  return {*data, *shown_in};
+  return {*data, *display};
 }
 
 class Bytes final : public Imf::IStream {
@@ -141,9 +140,9 @@ class Bytes final : public Imf::IStream {
     return at_ < all_.size();
   }
   std::uint64_t tellg() override { return at_; }
-  void seekg(std::uint64_t place) override {
-    if (place > all_.size()) throw damaged();
-    at_ = place;
+  void seekg(std::uint64_t position) override {
+    if (position > all_.size()) throw damaged();
+    at_ = position;
   }
 
  private:
@@ -157,7 +156,7 @@ std::vector<std::string> channels_of(const Imf::ChannelList& list) {
   for (auto it = list.begin(); it != list.end(); ++it) {
     names.emplace_back(it.name());
     if (it.channel().xSampling != 1 || it.channel().ySampling != 1)
-      throw std::runtime_error(fmt::format("is an EXR file whose channels have fewer pixels than it; {}", kRemedy));
+      throw std::runtime_error(fmt::format("is an EXR file with subsampled channels; {}", kRemedy));
   }
   const auto has = [&](std::string_view name) { return std::find(names.begin(), names.end(), name) != names.end(); };
   if (has("Z")) return {"Z"};
@@ -194,22 +193,22 @@ bool are_equal(const cv::Mat1f& a, const cv::Mat1f& b) {
 
 }  // namespace
 
-cv::Mat decode_exr(std::span<const std::uint8_t> all, std::uint32_t most_pixels) {
-  const auto [data, shown_in] = check_header({reinterpret_cast<const char*>(all.data()), all.size()}, most_pixels);
+cv::Mat decode_exr(std::span<const std::uint8_t> all, std::uint32_t max_side) {
+  const auto [data, display] = check_header({reinterpret_cast<const char*>(all.data()), all.size()}, max_side);
   try {
-    const int most = static_cast<int>(most_pixels);
-    Imf::Header::setMaxImageSize(most, most);
-    Imf::Header::setMaxTileSize(most, most);
+    const int max_size = static_cast<int>(max_side);
+    Imf::Header::setMaxImageSize(max_size, max_size);
+    Imf::Header::setMaxTileSize(max_size, max_size);
     Bytes bytes(all);
     Imf::InputFile file(bytes, 0);
     const auto images = read_channels(file, channels_of(file.header().channels()), data);
     for (const cv::Mat1f& image : images)
       if (!are_equal(image, images[0]))
-        throw std::runtime_error(fmt::format("is an EXR picture, whose R, G and B differ, no depth; {}", kRemedy));
-    if ((data & shown_in) != data || data == shown_in) return images[0];
-    cv::Mat1f whole(shown_in.size(), 0.0f);
-    images[0].copyTo(whole(data - shown_in.tl()));
-    return whole;
+        throw std::runtime_error(fmt::format("is an EXR color image, not depth: its R, G and B differ; {}", kRemedy));
+    if ((data & display) != data || data == display) return images[0];
+    cv::Mat1f full(display.size(), 0.0f);
+    images[0].copyTo(full(data - display.tl()));
+    return full;
   } catch (const std::runtime_error&) {
     throw;
   } catch (const std::exception&) {  // from OpenEXR

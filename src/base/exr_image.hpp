@@ -12,8 +12,8 @@ namespace cairn {
 inline constexpr std::string_view kExrMagic("\x76\x2f\x31\x01", 4);
 
 /// Decodes the depth of an OpenEXR file as CV_32FC1: channel Z, Y or R, else the only channel, of type half, float or
-/// uint. Throws std::runtime_error, without the file's name, for more than `most_pixels` pixels per side, for a color
+/// uint. Throws std::runtime_error, without the file's name, for more than `max_side` pixels per side, for a color
 /// picture (channels R, G and B differ), and for a damaged or truncated file.
-[[nodiscard]] cv::Mat decode_exr(std::span<const std::uint8_t> bytes, std::uint32_t most_pixels);
+[[nodiscard]] cv::Mat decode_exr(std::span<const std::uint8_t> bytes, std::uint32_t max_side);
 
 }  // namespace cairn

@@ -11,8 +11,8 @@ namespace cairn {
 class FileLock {
  public:
   enum class Kind { shared, exclusive };
-  /// Returns nullopt if another process holds the lock; `patient`: waits for it instead. Folders can be locked, too.
-  [[nodiscard]] static std::optional<FileLock> take(const std::filesystem::path& file, Kind kind, bool patient = false);
+  /// Returns nullopt if another process holds the lock; `wait`: waits for it instead. Folders can be locked, too.
+  [[nodiscard]] static std::optional<FileLock> take(const std::filesystem::path& file, Kind kind, bool wait = false);
   FileLock(FileLock&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
   ~FileLock();
   [[nodiscard]] int descriptor() const { return descriptor_; }

@@ -21,20 +21,19 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "base/atomic_file.hpp"
 #include "base/checked_count.hpp"
 #include "base/other_images.hpp"
-#include "cairn/atomic_file.hpp"
-#include "cairn/picture.hpp"
+#include "base/picture.hpp"
 
 namespace cairn {
 namespace {
 
 // Maximum compression ratios: deflate's longest match, and a progressive JPEG with one bit per 8x8 block.
-constexpr std::uint64_t kPngBytes = 1040, kJpegPixels = 512;
-constexpr std::uint64_t kRoom = 1 << 16;     // pixels or bytes allowed for any file
-constexpr std::size_t kMostChunk = 1 << 20;  // maximum unpacked bytes of a PNG chunk without pixels
-constexpr int kMostScans = 64;               // maximum scans of a progressive JPEG; encoders write 10
-constexpr int kPngEffort = 1, kJpegQuality = 95;
+constexpr std::uint64_t kMaxPngRatio = 1040, kMaxJpegRatio = 512;
+constexpr std::uint64_t kFreeSize = 1 << 16;  // pixels or bytes allowed for any file
+constexpr std::size_t kMaxChunk = 1 << 20;    // maximum unpacked bytes of a PNG chunk without pixels
+constexpr int kMaxScans = 64;                 // maximum scans of a progressive JPEG; encoders write 10
 
 std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, std::size_t count) {
   std::uint64_t value = 0;
@@ -42,21 +41,21 @@ std::uint64_t big_endian(std::span<const std::uint8_t> bytes, std::size_t at, st
   return value;
 }
 
-struct ImageHead {
+struct ImageHeader {
   std::uint64_t width = 0, height = 0;
   bool is_plausible = false;  // file is large enough for the pixels: decoders allocate memory before they check
 };
 
 /// Returns nullopt for a damaged header.
-std::optional<ImageHead> png_head(std::span<const std::uint8_t> b) {
+std::optional<ImageHeader> png_header(std::span<const std::uint8_t> b) {
   if (b.size() < 33) return std::nullopt;  // signature and IHDR
   constexpr std::uint64_t kChannels[] = {1, 0, 3, 1, 2, 0, 4};
   const std::uint64_t width = big_endian(b, 16, 4), height = big_endian(b, 20, 4), bits = b[24], kind = b[25];
   if (kind > 6 || width == 0 || height == 0) return std::nullopt;
   const std::uint64_t row = product(width, bits, kChannels[kind]) / 8 + 1;
-  return ImageHead{width, height, product(row, height) <= product(b.size(), kPngBytes) + kRoom};
+  return ImageHeader{width, height, product(row, height) <= product(b.size(), kMaxPngRatio) + kFreeSize};
 }
-std::optional<ImageHead> jpeg_head(std::span<const std::uint8_t> b) {
+std::optional<ImageHeader> jpeg_header(std::span<const std::uint8_t> b) {
   for (std::size_t at = 2; at + 9 < b.size();) {
     if (b[at] != 0xff) return std::nullopt;
     const int marker = b[at + 1];
@@ -65,7 +64,7 @@ std::optional<ImageHead> jpeg_head(std::span<const std::uint8_t> b) {
     } else if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {  // a frame
       const std::uint64_t height = big_endian(b, at + 5, 2), width = big_endian(b, at + 7, 2);
       if (width == 0 || height == 0) return std::nullopt;
-      return ImageHead{width, height, product(width, height) <= product(b.size(), kJpegPixels) + kRoom};
+      return ImageHeader{width, height, product(width, height) <= product(b.size(), kMaxJpegRatio) + kFreeSize};
     } else if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) {  // marker without data
       at += 2;
     } else {
@@ -82,16 +81,16 @@ cv::Mat decode_png(std::span<const std::uint8_t> bytes, Pixels pixels) {
   const PngContext png(spng_ctx_new(0), spng_ctx_free);
   spng_ihdr header{};
   // Limits text and color profiles, with unbounded unpacked size.
-  if (!png || spng_set_chunk_limits(png.get(), kMostChunk, kMostChunk) != 0 ||
+  if (!png || spng_set_chunk_limits(png.get(), kMaxChunk, kMaxChunk) != 0 ||
       spng_set_png_buffer(png.get(), bytes.data(), bytes.size()) != 0 || spng_get_ihdr(png.get(), &header) != 0)
     return {};
-  const bool is_grey = header.color_type == SPNG_COLOR_TYPE_GRAYSCALE;
+  const bool is_gray = header.color_type == SPNG_COLOR_TYPE_GRAYSCALE;
   int format = SPNG_FMT_RGB8, type = CV_8UC3;
   if (pixels == Pixels::rgba)
     format = SPNG_FMT_RGBA8, type = CV_8UC4;
   else if (pixels == Pixels::as_stored && header.bit_depth == 16)
-    format = is_grey ? SPNG_FMT_PNG : SPNG_FMT_RGBA16, type = is_grey ? CV_16UC1 : CV_16UC4;
-  else if (pixels == Pixels::as_stored && is_grey)
+    format = is_gray ? SPNG_FMT_PNG : SPNG_FMT_RGBA16, type = is_gray ? CV_16UC1 : CV_16UC4;
+  else if (pixels == Pixels::as_stored && is_gray)
     format = SPNG_FMT_G8, type = CV_8UC1;
   cv::Mat image(static_cast<int>(header.height), static_cast<int>(header.width), type);
   const std::size_t size = image.total() * image.elemSize();
@@ -108,17 +107,17 @@ struct JpegErrors {
 };
 
 /// Error handler of libjpeg; longjmp is safe because only C frames are skipped.
-[[noreturn]] void leave_jpeg(j_common_ptr info) { std::longjmp(reinterpret_cast<JpegErrors*>(info->err)->after, 1); }
-void say_nothing(j_common_ptr, int) {}
+[[noreturn]] void fail_jpeg(j_common_ptr info) { std::longjmp(reinterpret_cast<JpegErrors*>(info->err)->after, 1); }
+void ignore_message(j_common_ptr, int) {}
 /// Limits the scans: a progressive JPEG can revisit all pixels with every few bytes.
 void count_scans(j_common_ptr info) {
-  if (reinterpret_cast<j_decompress_ptr>(info)->input_scan_number > kMostScans) leave_jpeg(info);
+  if (reinterpret_cast<j_decompress_ptr>(info)->input_scan_number > kMaxScans) fail_jpeg(info);
 }
 
 void set_errors(JpegErrors& errors) {
   jpeg_std_error(&errors.manager);
-  errors.manager.error_exit = leave_jpeg;
-  errors.manager.emit_message = say_nothing;
+  errors.manager.error_exit = fail_jpeg;
+  errors.manager.emit_message = ignore_message;
 }
 
 /// Decompresses into `image`, with the color format in its type. Returns false on failure.
@@ -131,11 +130,11 @@ bool read_jpeg(jpeg_decompress_struct& jpeg, JpegErrors& errors, std::span<const
   jpeg_mem_src(&jpeg, bytes.data(), static_cast<unsigned long>(bytes.size()));
   if (jpeg_read_header(&jpeg, TRUE) != JPEG_HEADER_OK) return false;
   jpeg.progress = &progress;
-  const bool is_grey = jpeg.num_components == 1 && pixels == Pixels::as_stored;
-  jpeg.out_color_space = is_grey ? JCS_GRAYSCALE : pixels == Pixels::rgba ? JCS_EXT_RGBA : JCS_EXT_RGB;
+  const bool is_gray = jpeg.num_components == 1 && pixels == Pixels::as_stored;
+  jpeg.out_color_space = is_gray ? JCS_GRAYSCALE : pixels == Pixels::rgba ? JCS_EXT_RGBA : JCS_EXT_RGB;
   jpeg_start_decompress(&jpeg);
   image.create(static_cast<int>(jpeg.output_height), static_cast<int>(jpeg.output_width),
-               is_grey                  ? CV_8UC1
+               is_gray                  ? CV_8UC1
                : pixels == Pixels::rgba ? CV_8UC4
                                         : CV_8UC3);
   while (jpeg.output_scanline < jpeg.output_height) {
@@ -185,12 +184,12 @@ bool write_jpeg(jpeg_compress_struct& jpeg, JpegErrors& errors, const cv::Mat& i
 }  // namespace
 
 void check_image_size(std::uint64_t width, std::uint64_t height, const ImageBound& bound) {
-  const auto most = static_cast<std::uint64_t>(bound.most_side);
+  const auto max_side = static_cast<std::uint64_t>(bound.max_side);
   if (!bound.size.empty() && (width != count_of(bound.size.width) || height != count_of(bound.size.height)))
     throw std::runtime_error(
         fmt::format("is {}x{}, the {} {}x{}", width, height, bound.camera, bound.size.width, bound.size.height));
-  if (width == 0 || height == 0 || width > most || height > most)
-    throw std::runtime_error(fmt::format("tells {} x {} pixels, allowed are 1 to {} a side", width, height, most));
+  if (width == 0 || height == 0 || width > max_side || height > max_side)
+    throw std::runtime_error(fmt::format("has {} x {} pixels, allowed: 1 to {} per side", width, height, max_side));
 }
 
 cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels, const ImageBound& bound) {
@@ -203,13 +202,13 @@ cv::Mat decode_image(std::span<const std::uint8_t> bytes, Pixels pixels, const I
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::string_view end = all.substr(all.size() - std::min<std::size_t>(all.size(), 64));
   const bool png = all.starts_with("\x89PNG\r\n\x1a\n"), jpeg = all.starts_with("\xff\xd8\xff");
-  if (!png && !jpeg) throw std::runtime_error("is no image: neither PNG nor JPEG");
+  if (!png && !jpeg) throw std::runtime_error("is not an image: neither PNG nor JPEG");
   if (end.find(png ? "IEND" : "\xff\xd9") == end.npos) throw std::runtime_error("the file is cut off");
   cv::Mat image;
-  const auto head = png ? png_head(bytes) : jpeg_head(bytes);
-  if (head) check_image_size(head->width, head->height, bound);
-  if (head && head->is_plausible) image = png ? decode_png(bytes, pixels) : decode_jpeg(bytes, pixels);
-  if (image.empty()) throw std::runtime_error("is no image that can be decoded");
+  const auto header = png ? png_header(bytes) : jpeg_header(bytes);
+  if (header) check_image_size(header->width, header->height, bound);
+  if (header && header->is_plausible) image = png ? decode_png(bytes, pixels) : decode_jpeg(bytes, pixels);
+  if (image.empty()) throw std::runtime_error("is not a readable image");
   return image;
 }
 
@@ -223,11 +222,12 @@ std::vector<std::uint8_t> encode_png(const cv::Mat& image, int effort) {
   const cv::Mat rows = image.isContinuous() ? image : image.clone();
   std::size_t size = 0;
   int error = png ? 0 : 1;
-  const auto done = [&](int result) { error = error != 0 ? error : result; };
-  done(spng_set_option(png.get(), SPNG_ENCODE_TO_BUFFER, 1));
-  done(spng_set_option(png.get(), SPNG_IMG_COMPRESSION_LEVEL, effort));
-  done(spng_set_ihdr(png.get(), &header));
-  done(spng_encode_image(png.get(), rows.data, rows.total() * rows.elemSize(), SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE));
+  const auto check_result = [&](int result) { error = error != 0 ? error : result; };
+  check_result(spng_set_option(png.get(), SPNG_ENCODE_TO_BUFFER, 1));
+  check_result(spng_set_option(png.get(), SPNG_IMG_COMPRESSION_LEVEL, effort));
+  check_result(spng_set_ihdr(png.get(), &header));
+  check_result(
+      spng_encode_image(png.get(), rows.data, rows.total() * rows.elemSize(), SPNG_FMT_PNG, SPNG_ENCODE_FINALIZE));
   const std::unique_ptr<std::uint8_t, void (*)(void*)> bytes(
       error == 0 ? static_cast<std::uint8_t*>(spng_get_png_buffer(png.get(), &size, &error)) : nullptr, std::free);
   if (!bytes) throw std::runtime_error(std::string("an image cannot be encoded as PNG: ") + spng_strerror(error));
@@ -247,37 +247,22 @@ std::vector<std::uint8_t> encode_jpeg(const cv::Mat& image, JpegEffort effort) {
   return {data.get(), data.get() + bytes.size};
 }
 
-std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_metre, std::uint16_t none) {
+std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_meter, std::uint16_t none) {
   std::vector<std::uint16_t> units(depth.size());
-  std::transform(depth.begin(), depth.end(), units.begin(), [&](float metres) {
-    const double value = std::round(static_cast<double>(metres) * units_per_metre);
+  std::transform(depth.begin(), depth.end(), units.begin(), [&](float meters) {
+    const double value = std::round(static_cast<double>(meters) * units_per_meter);
     return value < 1 || value > 65535 ? none : static_cast<std::uint16_t>(value);
   });
   return units;
 }
 
-std::vector<std::uint8_t> encode_depth(std::span<const float> depth, const Camera& camera, double units_per_metre,
-                                       std::uint16_t none) {
-  auto units = depth_units(depth, units_per_metre, none);
-  return encode_png(cv::Mat(camera.height, camera.width, CV_16U, units.data()), kPngEffort);
-}
-
-std::vector<std::uint8_t> encode_colour(std::span<const std::uint32_t> colour, const Camera& camera,
-                                        const char* extension) {
-  const cv::Mat rgba(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data()));
-  if (extension != std::string_view(".png")) return encode_jpeg(rgba, {.quality = kJpegQuality});
-  cv::Mat rgb;
-  cv::cvtColor(rgba, rgb, cv::COLOR_RGBA2RGB);
-  return encode_png(rgb, kPngEffort);
-}
-
 void write_png(const std::filesystem::path& file, int width, int height, std::span<const std::uint8_t> rgb) {
   if (rgb.size() != std::size_t{3} * static_cast<std::size_t>(width) * static_cast<std::size_t>(height))
-    throw std::logic_error(file.string() + ": other than three bytes a pixel");
+    throw std::logic_error(file.string() + ": does not have three bytes per pixel");
   write_whole(file, encode_png(cv::Mat(height, width, CV_8UC3, const_cast<std::uint8_t*>(rgb.data())), 6));
 }
 
-std::vector<std::uint32_t> colour_pixels(const cv::Mat& rgba) {
+std::vector<std::uint32_t> color_pixels(const cv::Mat& rgba) {
   const auto* data = rgba.ptr<std::uint32_t>();
   return {data, data + rgba.total()};
 }

@@ -7,8 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "cairn/camera.hpp"
-
 namespace cairn {
 
 /// Requested pixel format. as_stored: gray with 8 or 16 bits as in the file, 16-bit color PNG as 16-bit R, G, B, A,
@@ -16,14 +14,14 @@ namespace cairn {
 enum class Pixels { as_stored, rgb, rgba };
 
 /// Maximum image side in pixels: of a camera, and of a texture.
-constexpr int kMostImageSide = 4096, kMostTextureSide = 16384;
+constexpr int kMaxImageSide = 4096, kMaxTextureSide = 16384;
 
 /// Bound on an image's size, checked against the header before any pixel is decoded: a file of a few kilobytes can
 /// declare gigabytes.
 struct ImageBound {
-  cv::Size size;                   // expected size, of the camera; empty: unknown
-  int most_side = kMostImageSide;  // pixels
-  const char* camera = "camera";   // name of the camera in messages
+  cv::Size size;                  // expected size, of the camera; empty: unknown
+  int max_side = kMaxImageSide;   // pixels
+  const char* camera = "camera";  // name of the camera in messages
 };
 
 /// Decodes a PNG, JPEG, BMP, WebP or color TIFF as stored, ignoring EXIF rotation. Throws std::runtime_error with the
@@ -45,16 +43,9 @@ struct JpegEffort {
 [[nodiscard]] std::vector<std::uint8_t> encode_jpeg(const cv::Mat& image, JpegEffort effort = {});
 
 /// Converts meters to integer units. `none`: value for no measurement, and for values beyond 16 bits.
-[[nodiscard]] std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_metre,
+[[nodiscard]] std::vector<std::uint16_t> depth_units(std::span<const float> depth, double units_per_meter,
                                                      std::uint16_t none = 0);
-/// Encodes depth as a 16-bit PNG of the camera's size, in the same units.
-[[nodiscard]] std::vector<std::uint8_t> encode_depth(std::span<const float> depth, const Camera& camera,
-                                                     double units_per_metre, std::uint16_t none = 0);
-
-/// Encodes a PNG or JPEG, selected by extension. `colour`: bytes R, G, B, 255 per pixel of the camera.
-[[nodiscard]] std::vector<std::uint8_t> encode_colour(std::span<const std::uint32_t> colour, const Camera& camera,
-                                                      const char* extension);
-/// Pixels of a Pixels::rgba image in the format of Frame::colour.
-[[nodiscard]] std::vector<std::uint32_t> colour_pixels(const cv::Mat& rgba);
+/// Pixels of a Pixels::rgba image in the format of Frame::color.
+[[nodiscard]] std::vector<std::uint32_t> color_pixels(const cv::Mat& rgba);
 
 }  // namespace cairn

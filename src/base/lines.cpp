@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kLongestLine = 1 << 16;  // characters
+constexpr std::size_t kMaxLineLength = 1 << 16;  // characters
 
 }  // namespace
 
@@ -22,7 +22,7 @@ void for_each_line(const std::filesystem::path& file,
                    const std::function<void(int, const std::vector<std::string>&)>& take) {
   std::ifstream in(file);
   if (!in) throw std::runtime_error(file.string() + ": cannot be read");
-  std::string buffer(kLongestLine + 2, '\0');  // with the line feed and the terminator
+  std::string buffer(kMaxLineLength + 2, '\0');  // with the line feed and the terminator
   int number = 1;
   for (; in.getline(buffer.data(), static_cast<std::streamsize>(buffer.size())); ++number) {
     std::string line = buffer.substr(0, static_cast<std::size_t>(in.gcount()) - (in.eof() ? 0 : 1));
@@ -34,7 +34,7 @@ void for_each_line(const std::filesystem::path& file,
   }
   if (!in.eof())
     throw std::runtime_error(
-        fmt::format("{}:{}: is a line of more than {} characters", file.string(), number, kLongestLine));
+        fmt::format("{}:{}: is a line of more than {} characters", file.string(), number, kMaxLineLength));
 }
 
 double number_of(const std::string& word, const std::filesystem::path& file, int line) {

@@ -31,13 +31,13 @@
 namespace cairn {
 namespace {
 
-constexpr std::uint64_t kWebpPixels = 8192;  // pixels per byte: VP8L encodes a flat block of rows in a few bits
-constexpr std::uint64_t kRoom = 1 << 16;     // pixels allowed for any file
+constexpr std::uint64_t kMaxWebpRatio = 8192;   // pixels per byte: VP8L encodes a flat block of rows in a few bits
+constexpr std::uint64_t kFreePixels = 1 << 16;  // pixels allowed for any file
 
-void check_pixels(int width, int height, std::uint64_t most, const ImageBound& bound) {
+void check_pixels(int width, int height, std::uint64_t max_pixels, const ImageBound& bound) {
   check_image_size(static_cast<std::uint64_t>(std::max(width, 0)), static_cast<std::uint64_t>(std::max(height, 0)),
                    bound);
-  if (static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) > most)
+  if (static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) > max_pixels)
     throw std::runtime_error("the file is cut off");
 }
 
@@ -59,25 +59,25 @@ cv::Mat decode_bmp(std::span<const std::uint8_t> bytes, const ImageBound& bound)
   int width = 0, height = 0, channels = 0;
   const int size = static_cast<int>(std::min<std::size_t>(bytes.size(), 1 << 30));
   if (stbi_info_from_memory(bytes.data(), size, &width, &height, &channels) == 0)
-    throw std::runtime_error("is no BMP that can be read: damaged, packed, or of too many pixels");
+    throw std::runtime_error("is not a readable BMP: damaged, compressed, or too large");
   height = std::abs(height);  // negative: rows from top to bottom
   check_pixels(width, height, UINT64_MAX, bound);
   if (bytes_of_bmp(bytes, width, height) > bytes.size()) throw std::runtime_error("the file is cut off");
   const std::unique_ptr<stbi_uc, void (*)(void*)> pixels(
       stbi_load_from_memory(bytes.data(), size, &width, &height, &channels, STBI_rgb_alpha), std::free);
-  if (!pixels) throw std::runtime_error("is no BMP that can be read: damaged, packed or cut off");
+  if (!pixels) throw std::runtime_error("is not a readable BMP: damaged, compressed or cut off");
   return cv::Mat(height, width, CV_8UC4, pixels.get()).clone();
 }
 
 cv::Mat decode_webp(std::span<const std::uint8_t> bytes, const ImageBound& bound) {
   int width = 0, height = 0;
   if (WebPGetInfo(bytes.data(), bytes.size(), &width, &height) == 0)
-    throw std::runtime_error("is no WebP that can be read: damaged or cut off");
-  check_pixels(width, height, bytes.size() * kWebpPixels + kRoom, bound);
+    throw std::runtime_error("is not a readable WebP: damaged or cut off");
+  check_pixels(width, height, bytes.size() * kMaxWebpRatio + kFreePixels, bound);
   cv::Mat image(height, width, CV_8UC4);
   if (WebPDecodeRGBAInto(bytes.data(), bytes.size(), image.data, image.total() * image.elemSize(),
                          static_cast<int>(image.step[0])) == nullptr)
-    throw std::runtime_error("is no WebP that can be read: damaged, cut off, or a film");
+    throw std::runtime_error("is not a readable WebP: damaged, cut off, or an animation");
   return image;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/quantity.hpp"
+#include "base/quantity.hpp"
 
 #include <fmt/format.h>
 
@@ -49,9 +49,9 @@ std::span<const Name> names_of(Unit unit) {
       return kNone;
     case Unit::share:
       return kShare;
-    case Unit::metres:
+    case Unit::meters:
       return kLength;
-    case Unit::square_metres:
+    case Unit::square_meters:
       return kArea;
     case Unit::seconds:
       return kTime;
@@ -73,9 +73,9 @@ std::string_view symbol_of(Unit unit) {
     case Unit::none:
     case Unit::share:
       return "";
-    case Unit::metres:
+    case Unit::meters:
       return " m";
-    case Unit::square_metres:
+    case Unit::square_meters:
       return " m2";
     case Unit::seconds:
       return " s";
@@ -110,15 +110,16 @@ std::size_t length_of_number(std::string_view text) {
 /// Multiplies by a power of ten before rounding to double, so that the result is exact.
 std::optional<double> number_of(std::string_view decimal, int power) {
   const std::size_t exponent = std::min(decimal.find_first_of("eE"), decimal.size());
-  int given = 0;
+  int exponent_value = 0;
   if (exponent < decimal.size()) {
     std::string_view digits = decimal.substr(exponent + 1);
     if (digits.starts_with('+')) digits.remove_prefix(1);
-    if (std::from_chars(digits.data(), digits.data() + digits.size(), given).ec != std::errc()) return std::nullopt;
+    if (std::from_chars(digits.data(), digits.data() + digits.size(), exponent_value).ec != std::errc())
+      return std::nullopt;
   }
-  const std::string moved = fmt::format("{}e{}", decimal.substr(0, exponent), given + power);
+  const std::string scaled = fmt::format("{}e{}", decimal.substr(0, exponent), exponent_value + power);
   double value = 0;
-  if (std::from_chars(moved.data(), moved.data() + moved.size(), value).ec != std::errc()) return std::nullopt;
+  if (std::from_chars(scaled.data(), scaled.data() + scaled.size(), value).ec != std::errc()) return std::nullopt;
   return std::isfinite(value) ? std::optional(value) : std::nullopt;
 }
 
@@ -161,23 +162,23 @@ std::optional<long long> parse_whole(std::string_view text) {
 }
 
 bool AllowedRange::has(double value) const {
-  return std::isfinite(value) && (is_open ? value > least : value >= least) && value <= most;
+  return std::isfinite(value) && (is_open ? value > min : value >= min) && value <= max;
 }
 
 bool AllowedRange::has(float value) const {
-  const auto low = static_cast<float>(least), high = static_cast<float>(most);
+  const auto low = static_cast<float>(min), high = static_cast<float>(max);
   return std::isfinite(value) && (is_open ? value > low : value >= low) && value <= high;
 }
 
 std::string words_of(const AllowedRange& range, Unit unit) {
   const std::string_view symbol = symbol_of(unit);
-  const bool has_most = std::isfinite(range.most);
-  if (!std::isfinite(range.least)) return has_most ? fmt::format("{}{} or less", shown(range.most), symbol) : "";
-  if (range.is_open && has_most)
-    return fmt::format("more than {}, at most {}{}", shown(range.least), shown(range.most), symbol);
-  if (range.is_open) return fmt::format("more than {}{}", shown(range.least), symbol);
-  if (!has_most) return fmt::format("{}{} or more", shown(range.least), symbol);
-  return fmt::format("{} to {}{}", shown(range.least), shown(range.most), symbol);
+  const bool has_max = std::isfinite(range.max);
+  if (!std::isfinite(range.min)) return has_max ? fmt::format("{}{} or less", shown(range.max), symbol) : "";
+  if (range.is_open && has_max)
+    return fmt::format("more than {}, at most {}{}", shown(range.min), shown(range.max), symbol);
+  if (range.is_open) return fmt::format("more than {}{}", shown(range.min), symbol);
+  if (!has_max) return fmt::format("{}{} or more", shown(range.min), symbol);
+  return fmt::format("{} to {}{}", shown(range.min), shown(range.max), symbol);
 }
 
 std::string examples_of(Unit unit) {
@@ -187,9 +188,9 @@ std::string examples_of(Unit unit) {
       return "";
     case Unit::share:
       return "for example 0.5 or 50%";
-    case Unit::metres:
+    case Unit::meters:
       return "for example 0.02, 2cm or 20mm";
-    case Unit::square_metres:
+    case Unit::square_meters:
       return "for example 0.03 or 300cm2";
     case Unit::seconds:
       return "for example 0.5, 500ms or 2min";

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/quoted.hpp"
+#include "base/quoted.hpp"
 
 #include <string_view>
 

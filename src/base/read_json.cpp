@@ -12,11 +12,11 @@ namespace cairn {
 namespace {
 
 using Json = nlohmann::json;
-constexpr int kDeepestCbor = 16;
+constexpr int kMaxCborDepth = 16;
 
-class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
+class BoundedParser : public nlohmann::detail::json_sax_dom_parser<Json> {
  public:
-  explicit Shallow(Json& to) : json_sax_dom_parser(to) {}
+  explicit BoundedParser(Json& to) : json_sax_dom_parser(to) {}
   bool start_object(std::size_t size) { return enter() && json_sax_dom_parser::start_object(size); }
   bool start_array(std::size_t size) { return enter() && json_sax_dom_parser::start_array(size); }
   bool end_object() { return --depth_, json_sax_dom_parser::end_object(); }
@@ -24,7 +24,7 @@ class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
 
  private:
   bool enter() {
-    if (++depth_ >= kDeepestCbor) throw std::runtime_error("it is nested too deeply");
+    if (++depth_ >= kMaxCborDepth) throw std::runtime_error("it is nested too deeply");
     return true;
   }
   int depth_ = 0;
@@ -32,12 +32,12 @@ class Shallow : public nlohmann::detail::json_sax_dom_parser<Json> {
 
 }  // namespace
 
-void check_json_values(std::string_view text, std::size_t most) {
+void check_json_values(std::string_view text, std::size_t max_values) {
   std::size_t values = 0;
   for_each_outside_strings(text, [&](std::size_t i) {
     const char c = text[i];
-    if ((c == '[' || c == '{' || c == ',') && ++values > most)
-      throw std::runtime_error(fmt::format("has more than {} values", most));
+    if ((c == '[' || c == '{' || c == ',') && ++values > max_values)
+      throw std::runtime_error(fmt::format("has more than {} values", max_values));
   });
 }
 
@@ -61,7 +61,7 @@ Json parsed_json_or_none(std::string_view text) {
 
 Json parsed_cbor(const std::string& bytes) {
   Json json;
-  Shallow sax(json);
+  BoundedParser sax(json);
   Json::sax_parse(bytes, &sax, Json::input_format_t::cbor);
   return json;
 }

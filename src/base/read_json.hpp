@@ -8,18 +8,18 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/json_depth.hpp"
+#include "base/json_depth.hpp"
 
 namespace cairn {
 
 /// Parses JSON text. Throws nlohmann::json::parse_error for malformed text, and TooDeepJson for text nested deeper than
-/// kDeepestJson.
+/// kMaxJsonDepth.
 [[nodiscard]] nlohmann::json parsed_json(std::string_view text);
 [[nodiscard]] nlohmann::json parsed_json(std::span<const std::uint8_t> bytes);
 
-/// Throws std::runtime_error for JSON text with more than `most` values. A value takes up to 56 bytes of memory, an
-/// empty array three bytes of text.
-void check_json_values(std::string_view text, std::size_t most);
+/// Throws std::runtime_error for JSON text with more than `max_values` values. A value takes up to 56 bytes of memory,
+/// an empty array three bytes of text.
+void check_json_values(std::string_view text, std::size_t max_values);
 
 /// As parsed_json, but returns a value with is_discarded() for malformed or too deep text.
 [[nodiscard]] nlohmann::json parsed_json_or_none(std::string_view text);

@@ -10,17 +10,17 @@
 
 namespace cairn {
 
-std::vector<std::uint8_t> read_whole(const std::filesystem::path& file, std::size_t most) {
+std::vector<std::uint8_t> read_whole(const std::filesystem::path& file, std::size_t max_size) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored))
     throw std::runtime_error("cannot be read: there is no such file");
   std::ifstream in(file, std::ios::binary);
   if (!in) throw std::runtime_error("cannot be read");
   const std::uintmax_t size = std::filesystem::file_size(file, ignored);
-  if (!ignored && size > most)
-    throw std::runtime_error(most >> 20 > 0
-                                 ? fmt::format("has {} MiB, allowed are {} MiB at most", size >> 20, most >> 20)
-                                 : fmt::format("has {} KiB, allowed are {} KiB at most", size >> 10, most >> 10));
+  if (!ignored && size > max_size)
+    throw std::runtime_error(max_size >> 20 > 0
+                                 ? fmt::format("has {} MiB, allowed: at most {} MiB", size >> 20, max_size >> 20)
+                                 : fmt::format("has {} KiB, allowed: at most {} KiB", size >> 10, max_size >> 10));
   std::vector<std::uint8_t> bytes(ignored ? 0
                                           : size);  // exact size: growth by doubling takes up to three times the memory
   in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));

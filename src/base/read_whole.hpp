@@ -11,10 +11,11 @@
 namespace cairn {
 
 /// Maximum size in bytes of a file read at once; unlimited size, for meshes.
-constexpr std::size_t kMostWhole = std::size_t{512} << 20, kAnySize = std::numeric_limits<std::size_t>::max();
+constexpr std::size_t kMaxFileSize = std::size_t{512} << 20, kAnySize = std::numeric_limits<std::size_t>::max();
 
-/// All bytes of a file of at most `most` bytes. Throws std::runtime_error with the reason, without the file's name.
+/// All bytes of a file of at most `max_size` bytes. Throws std::runtime_error with the reason, without the file's name.
 /// Rejects devices and pipes, because they may be endless.
-[[nodiscard]] std::vector<std::uint8_t> read_whole(const std::filesystem::path& file, std::size_t most = kMostWhole);
+[[nodiscard]] std::vector<std::uint8_t> read_whole(const std::filesystem::path& file,
+                                                   std::size_t max_size = kMaxFileSize);
 
 }  // namespace cairn

@@ -13,23 +13,23 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kAtOnce = std::size_t{1} << 20;  // bytes
+constexpr std::size_t kCopySize = std::size_t{1} << 20;  // bytes
 
-std::runtime_error not_written(const std::filesystem::path& file, const SystemError& error) {
+std::runtime_error write_error(const std::filesystem::path& file, const SystemError& error) {
   return std::runtime_error("cannot write " + file.string() + ": " + reason(error.number));
 }
 
-std::unique_ptr<SystemFile> nameless(const std::filesystem::path& file) {
-  TemporaryFile made = make_temporary(file);
-  unlink(made.path.c_str());
-  return std::move(made.file);
+std::unique_ptr<SystemFile> unnamed_file(const std::filesystem::path& file) {
+  TemporaryFile temporary = make_temporary(file);
+  unlink(temporary.path.c_str());
+  return std::move(temporary.file);
 }
 
 }  // namespace
 
 struct Spool::State {
-  State(std::filesystem::path named_after, std::unique_ptr<SystemFile> made)
-      : beside(std::move(named_after)), file(std::move(made)) {}
+  State(std::filesystem::path named_after, std::unique_ptr<SystemFile> temporary)
+      : name(std::move(named_after)), file(std::move(temporary)) {}
   ~State() { unmap(); }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
@@ -37,7 +37,7 @@ struct Spool::State {
     if (pages != nullptr) munmap(pages, mapped);
     pages = nullptr;
   }
-  std::filesystem::path beside;
+  std::filesystem::path name;
   std::unique_ptr<SystemFile> file;
   void* pages = nullptr;
   std::size_t mapped = 0;  // bytes
@@ -45,9 +45,9 @@ struct Spool::State {
 
 Spool::Spool(const std::filesystem::path& file) {
   try {
-    state_ = std::make_unique<State>(file, nameless(file));
+    state_ = std::make_unique<State>(file, unnamed_file(file));
   } catch (const SystemError& error) {
-    throw not_written(file, error);
+    throw write_error(file, error);
   }
 }
 Spool::~Spool() = default;
@@ -57,12 +57,12 @@ void Spool::append(std::string_view bytes) {
   try {
     state_->file->write(bytes.data(), bytes.size());
   } catch (const SystemError& error) {
-    throw not_written(state_->beside, error);
+    throw write_error(state_->name, error);
   }
 }
 
 void Spool::copy_to(std::ostream& out) const {
-  std::vector<char> bytes(kAtOnce);
+  std::vector<char> bytes(kCopySize);
   off_t at = 0;
   while (true) {
     const ssize_t count = pread(state_->file->descriptor(), bytes.data(), bytes.size(), at);

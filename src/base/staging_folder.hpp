@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "base/system_file.hpp"
-#include "cairn/unfinished.hpp"
+#include "base/unfinished.hpp"
 
 namespace cairn {
 
@@ -14,19 +14,19 @@ namespace cairn {
 /// object's lifetime, and `NAME/` for the new content.
 class StagingFolder {
  public:
-  /// Requires the parent folder of `place`. Throws SystemError.
-  explicit StagingFolder(const std::filesystem::path& place);
+  /// Requires the parent folder of `destination`. Throws SystemError.
+  explicit StagingFolder(const std::filesystem::path& destination);
   /// Removes the staging folder with its remaining content.
   ~StagingFolder();
   StagingFolder(const StagingFolder&) = delete;
   StagingFolder& operator=(const StagingFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& content() const { return content_; }
-  /// Moves the content to `place`, on the same disk. An existing folder is exchanged atomically if the file system
-  /// supports it; else it is moved aside first, and back if the content cannot be moved. The old folder is removed at
-  /// the end. Throws SystemError; `place` is then unchanged. Throws std::runtime_error if the old folder cannot be
-  /// moved back: the message names its location, and it is kept.
-  void take_the_place_of(const std::filesystem::path& place);
+  /// Moves the content to `destination`, on the same disk. An existing folder is exchanged atomically if the file
+  /// system supports it; else it is moved aside first, and back if the content cannot be moved. The old folder is
+  /// removed at the end. Throws SystemError; `destination` is then unchanged. Throws std::runtime_error if the old
+  /// folder cannot be moved back: the message names its location, and it is kept.
+  void replace_folder(const std::filesystem::path& destination);
 
  private:
   std::filesystem::path folder_, content_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/unfinished.hpp"
+#include "base/unfinished.hpp"
 
 #include <unistd.h>
 
@@ -33,13 +33,13 @@ void remove(const fs::path& path, Unfinished::Kind kind) {
     (void)rmdir(path.c_str());
     return;
   }
-  fs::path aside = path;
+  fs::path renamed = path;
   if (fs::is_directory(fs::symlink_status(path, error))) {
-    aside += ".removed-" + std::to_string(getpid());
-    fs::rename(path, aside, error);
-    if (error) aside = path;
+    renamed += ".removed-" + std::to_string(getpid());
+    fs::rename(path, renamed, error);
+    if (error) renamed = path;
   }
-  fs::remove_all(aside, error);
+  fs::remove_all(renamed, error);
 }
 
 }  // namespace

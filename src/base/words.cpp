@@ -5,10 +5,10 @@
 namespace cairn {
 
 std::string shown(std::string_view text) {
-  constexpr std::size_t kMost = 120;
+  constexpr std::size_t kMaxLength = 120;
   std::string shown;
-  for (const char c : text.substr(0, kMost)) shown += c >= ' ' && c <= '~' && c != '\'' ? c : '?';
-  return text.size() > kMost ? shown + "..." : shown;
+  for (const char c : text.substr(0, kMaxLength)) shown += c >= ' ' && c <= '~' && c != '\'' ? c : '?';
+  return text.size() > kMaxLength ? shown + "..." : shown;
 }
 
 }  // namespace cairn

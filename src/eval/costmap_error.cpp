@@ -12,34 +12,34 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kOnSurface = 1e-3;            // meters
-constexpr double kLeastStep = 5e-3;            // meters; bounds the number of steps of rays along a wall
-constexpr int kMostLooks = 8;                  // maximum number of visibility tests per cell column
-constexpr int kStride = 8;                     // pixels between rays
-constexpr double kApart = 0.1, kTurned = 0.1;  // minimum motion between views, meters and radians
-constexpr double kAway = 1.5;                  // cells: an occupied cell must have a surface within this distance
-constexpr double kBehind = 2;                  // cells: depth behind an observed surface that counts as observed
+constexpr double kOnSurface = 1e-3;                          // meters
+constexpr double kMinStep = 5e-3;                            // meters; bounds the number of steps of rays along a wall
+constexpr int kMaxVisibilityTests = 8;                       // maximum number of visibility tests per cell column
+constexpr int kStride = 8;                                   // pixels between rays
+constexpr double kMinTranslation = 0.1, kMinRotation = 0.1;  // minimum motion between views, meters and radians
+constexpr double kMaxSurfaceDistance = 1.5;  // cells: an occupied cell must have a surface within this distance
+constexpr double kObservedThickness = 2;     // cells: depth behind an observed surface that counts as observed
 
-/// Depth of a ray's first intersection with the surface, along z of the camera; nullopt beyond `most` meters.
+/// Depth of a ray's first intersection with the surface, along z of the camera; nullopt beyond `max_depth` meters.
 std::optional<double> depth_along(const Scene& scene, const Eigen::Isometry3d& world_from_camera,
-                                  const Eigen::Vector3d& ray, double most) {
+                                  const Eigen::Vector3d& ray, double max_depth) {
   const double length = ray.norm();
-  for (double z = 0; z < most;) {
+  for (double z = 0; z < max_depth;) {
     const double distance = scene.distance(world_from_camera * (z * ray));
     if (distance < kOnSurface) return z;
-    z += std::max(distance, kLeastStep) / length;
+    z += std::max(distance, kMinStep) / length;
   }
   return std::nullopt;
 }
 
 /// Returns true if the motion exceeds the minimum between views.
-bool is_apart(const Eigen::Isometry3d& motion) {
-  return motion.translation().norm() > kApart || Eigen::AngleAxisd(motion.linear()).angle() > kTurned;
+bool exceeds_keyframe_distance(const Eigen::Isometry3d& motion) {
+  return motion.translation().norm() > kMinTranslation || Eigen::AngleAxisd(motion.linear()).angle() > kMinRotation;
 }
 
 /// Depth images rendered from the poses with sufficient motion between them, at every kStride-th pixel.
@@ -51,7 +51,8 @@ class Views {
         columns_((camera.width - 1) / kStride + 1),
         rows_((camera.height - 1) / kStride + 1) {
     for (const auto& [time, pose] : poses)
-      if (views_.empty() || is_apart(views_.back().camera_from_world * pose)) views_.push_back({pose.inverse(), {}});
+      if (views_.empty() || exceeds_keyframe_distance(views_.back().camera_from_world * pose))
+        views_.push_back({pose.inverse(), {}});
     tbb::parallel_for(std::size_t{0}, views_.size(), [&](std::size_t i) {
       View& view = views_[i];
       const Eigen::Isometry3d pose = view.camera_from_world.inverse();
@@ -69,12 +70,12 @@ class Views {
 
   /// Returns true if a camera has free space at a point: all four adjacent rays end behind it. `hint`: index of the
   /// last matching view, tested first.
-  [[nodiscard]] bool see_through(const Eigen::Vector3d& point, std::size_t& hint) const {
+  [[nodiscard]] bool sees_free_space(const Eigen::Vector3d& point, std::size_t& hint) const {
     return any(point, hint, [](float z, auto depths) { return std::ranges::min(depths) > z; });
   }
 
   /// Returns true if a camera sees a surface point: an adjacent ray ends behind it, or at most `tolerance` in front.
-  [[nodiscard]] bool see(const Eigen::Vector3d& point, double tolerance, std::size_t& hint) const {
+  [[nodiscard]] bool sees_surface(const Eigen::Vector3d& point, double tolerance, std::size_t& hint) const {
     return any(point, hint, [tolerance](float z, auto depths) {
       return std::ranges::max(depths) > z - static_cast<float>(tolerance);
     });
@@ -115,7 +116,7 @@ class Views {
 
 CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const Camera& camera, const Trajectory& poses,
                               const SurfaceOptions& range) {
-  if (poses.empty()) throw std::runtime_error("a costmap is judged by where the camera was: no pose is given");
+  if (poses.empty()) throw std::runtime_error("the evaluation of a costmap needs camera poses, but there are none");
   const Views views(scene, camera, poses, range);
   const double size = costmap.resolution;
   const int levels = std::max(1, static_cast<int>(std::lround((costmap.high - costmap.low) / size)));
@@ -128,29 +129,29 @@ CostmapError evaluate_costmap(const Costmap& costmap, const Scene& scene, const 
       // ROS axes: x is the world's z, y its -x, up its -y.
       const double x = -(costmap.origin.y() + (costmap.rows - 1 - row + 0.5) * size),
                    z = costmap.origin.x() + (column + 0.5) * size;
-      const auto at = [&](double share) {
-        return Eigen::Vector3d(x, -(costmap.low + share * (costmap.high - costmap.low)), z);
+      const auto at = [&](double ratio) {
+        return Eigen::Vector3d(x, -(costmap.low + ratio * (costmap.high - costmap.low)), z);
       };
       double nearest = std::numeric_limits<double>::infinity();
       for (int i = 0; i < levels; ++i) nearest = std::min(nearest, scene.distance(at((i + 0.5) / levels)));
       if (cell == Costmap::Cell::occupied) {
         ++e.judged;
-        ++(nearest <= kAway * size ? e.right : e.wrongly_occupied);
+        ++(nearest <= kMaxSurfaceDistance * size ? e.right : e.wrongly_occupied);
         continue;
       }
       if (cell == Costmap::Cell::free && nearest < 0) {
         bool is_seen = false;
         for (int i = 0; i < levels && !is_seen; ++i)
           if (const Eigen::Vector3d point = at((i + 0.5) / levels); scene.distance(point) < 0)
-            is_seen = views.see(point, kBehind * size, hint);
+            is_seen = views.sees_surface(point, kObservedThickness * size, hint);
         is_seen ? ++e.judged, ++e.wrongly_free : ++e.hidden;
         continue;
       }
       if (cell == Costmap::Cell::unknown && nearest <= 0.5 * size) continue;  // correct: may be occupied
-      const int looks = std::min(levels, kMostLooks);
+      const int tests = std::min(levels, kMaxVisibilityTests);
       int seen = 0;
-      for (int i = 0; i < looks; ++i) seen += views.see_through(at((i + 0.5) / looks), hint);
-      const bool is_half_seen = 2 * seen >= looks;
+      for (int i = 0; i < tests; ++i) seen += views.sees_free_space(at((i + 0.5) / tests), hint);
+      const bool is_half_seen = 2 * seen >= tests;
       if (cell == Costmap::Cell::free) {
         ++e.judged, ++e.right;
         e.unseen += seen == 0;

@@ -6,17 +6,17 @@
 #include <cmath>
 #include <random>
 
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 #include "eval/mesh_surface.hpp"
 #include "eval/statistics.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr int kEvery = 4;               // voxels
-constexpr double kSameSurface = 0.002;  // meters
-constexpr double kOnSurface = 0.001;    // meters; the sign is not defined within this distance
-constexpr double kSmooth = 0.98;        // minimum gradient length away from the medial axis
+constexpr int kVoxelStride = 4;                  // voxels
+constexpr double kMaxSurfaceDifference = 0.002;  // meters
+constexpr double kOnSurface = 0.001;             // meters; the sign is not defined within this distance
+constexpr double kMinGradient = 0.98;            // minimum gradient length away from the medial axis
 
 struct AtPoint {
   bool counts = false, is_smooth = false;
@@ -34,7 +34,7 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
   for (const auto& [block, samples] : field.blocks())
     for (int i = 0; i < 4096; ++i) {
       const Eigen::Vector3f inside(part(random), part(random), part(random));
-      if ((i + (i >> 4)) % kEvery != 0 || std::isnan((*samples)[static_cast<std::size_t>(i)])) continue;
+      if ((i + (i >> 4)) % kVoxelStride != 0 || std::isnan((*samples)[static_cast<std::size_t>(i)])) continue;
       const Eigen::Vector3i v = DistanceField::voxel(block, i);
       points.emplace_back(field.point(v.cast<float>() + inside));
     }
@@ -48,7 +48,7 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
     a.truth = scene.distance(p);
     a.distance = answers[i].distance;
     a.counts = answers[i].known && std::abs(a.truth) < field.max_distance() - voxel &&
-               std::abs(surface.distance(points[i]) - std::abs(a.truth)) < kSameSurface;
+               std::abs(surface.distance(points[i]) - std::abs(a.truth)) < kMaxSurfaceDifference;
     if (!a.counts) return;
     a.error = std::abs(a.distance - a.truth);
     Eigen::Vector3d gradient;
@@ -56,7 +56,7 @@ DistanceError evaluate_distances(const DistanceField& field, const Scene& scene,
       const Eigen::Vector3d step = 0.5 * voxel * Eigen::Vector3d::Unit(axis);
       gradient[axis] = (scene.distance(p + step) - scene.distance(p - step)) / voxel;
     }
-    a.is_smooth = gradient.norm() >= kSmooth;
+    a.is_smooth = gradient.norm() >= kMinGradient;
     a.angle = std::acos(std::clamp(gradient.normalized().dot(answers[i].gradient.cast<double>()), -1.0, 1.0));
   });
 

@@ -16,11 +16,11 @@ using Item = Verdict::Item;
 using Level = Verdict::Level;
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-// Percent of the measured depth, without edges; docs/decisions.md has the values of correct and wrong maps.
-constexpr double kInTheWay = 2, kMissing = 8, kNotPredicted = 15;
-constexpr double kFewPoints = 2000;  // minimum number of measurements for a percentage
-constexpr double kBeyondDrift = 20;  // percent of the windows
-constexpr int kEnoughWindows = 5;    // minimum number for a ratio of lengths
+// Percent of the measured depth, without edges; docs/decisions-tracking.md has the values of correct and wrong maps.
+constexpr double kMaxInFront = 2, kMaxMissing = 8, kMaxNotPredicted = 15;
+constexpr double kMinPoints = 2000;     // minimum number of measurements for a percentage
+constexpr double kMaxBeyondDrift = 20;  // percent of the windows
+constexpr int kMinWindows = 5;          // minimum number for a ratio of lengths
 
 /// Item of the verdict: good, or a doubt.
 Item item(std::string name, double value, double limit, std::string unit, bool is_good, std::string text) {
@@ -32,43 +32,42 @@ Item item(std::string name, double value, double limit, std::string unit, bool i
           .text = std::move(text)};
 }
 
-void add_still(std::vector<Item>& items, const StillView& s) {
+void add_turntable(std::vector<Item>& items, const StillView& s) {
   if (s.pairs == 0) return;
   const double moved = s.is_turntable() ? 100 * s.moved : 0;
   items.push_back(
       item("view_moves_before_still_camera", moved, 0, "%", moved == 0,
            moved == 0
                ? "the view moves with the camera"
-               : fmt::format("the camera did not move, {:.0f} % of the view did: a turntable? cut the background away "
-                             "(surface.max_depth or a mask)",
-                             std::max(1.0, moved))));
+               : fmt::format(
+                     "the camera did not move, but {:.0f} % of the view did: for an object on a turntable, remove the "
+                     "background (surface.max_depth or a mask)",
+                     std::max(1.0, moved))));
 }
 
 void add_agreement(std::vector<Item>& items, const DepthAgreement& fused, const DepthAgreement& held_out) {
-  if (fused.points >= kFewPoints) {
+  if (fused.points >= kMinPoints) {
     const double front = 100 * fused.in_front, missing = 100 * fused.missing;
     items.push_back(
-        item("map_in_the_way", front, kInTheWay, "%", front <= kInTheWay,
-             fmt::format("{:.1f} % of the measured depth ends behind a surface of the map{}", front,
-                         front <= kInTheWay ? ""
-                                            : ": something moved, or a surface is there twice; record again without "
-                                              "what moves, and come back to where the way began")));
-    items.push_back(
-        item("measured_not_in_map", missing, kMissing, "%", missing <= kMissing,
-             fmt::format(
-                 "{:.1f} % of the measured depth has no surface of the map near it{}", missing,
-                 missing <= kMissing ? "" : ": something moved, or the poses or the camera's intrinsics are wrong")));
+        item("map_in_the_way", front, kMaxInFront, "%", front <= kMaxInFront,
+             fmt::format("{:.1f} % of the measured depth is behind a surface of the map{}", front,
+                         front <= kMaxInFront ? ""
+                                              : ": something moved, or a surface was reconstructed twice; record again "
+                                                "without moving objects, and return to the start")));
+    items.push_back(item(
+        "measured_not_in_map", missing, kMaxMissing, "%", missing <= kMaxMissing,
+        fmt::format(
+            "{:.1f} % of the measured depth has no map surface nearby{}", missing,
+            missing <= kMaxMissing ? "" : ": something moved, or the poses or the camera's intrinsics are wrong")));
     items.push_back(item("depth_rmse", 1000 * fused.rmse, 0, "mm", true,
-                         fmt::format("measured depth is off the map by {:.1f} mm, {:.1f} mm in the median",
+                         fmt::format("measured depth differs from the map by {:.1f} mm (RMSE) and {:.1f} mm (median)",
                                      1000 * fused.rmse, 1000 * fused.median)));
   }
-  if (held_out.points >= kFewPoints) {
+  if (held_out.points >= kMinPoints) {
     const double missing = 100 * held_out.missing;
-    items.push_back(
-        item("held_out_not_predicted", missing, kNotPredicted, "%", missing <= kNotPredicted,
-             fmt::format("{:.1f} % of the depth of frames that were held out has no surface of the map near "
-                         "it{}",
-                         missing, missing <= kNotPredicted ? "" : ": the map does not predict them")));
+    items.push_back(item("held_out_not_predicted", missing, kMaxNotPredicted, "%", missing <= kMaxNotPredicted,
+                         fmt::format("{:.1f} % of the depth of held-out frames has no map surface nearby{}", missing,
+                                     missing <= kMaxNotPredicted ? "" : ": the map does not predict them")));
   }
 }
 
@@ -79,10 +78,10 @@ void add_speeds(std::vector<Item>& items, const Speeds& speeds) {
     const bool is_good = peak.value <= limit;
     items.push_back(
         item(name, scale * peak.value, scale * limit, unit, is_good,
-             fmt::format("the camera {} by up to {:.{}f} {}{}", verb, scale * peak.value, scale > 1 ? 0 : 1, unit,
+             fmt::format("the camera {} at up to {:.{}f} {}{}", verb, scale * peak.value, scale > 1 ? 0 : 1, unit,
                          is_good ? ""
-                                 : fmt::format(", first at {:.2f} s: no hand does; tracking slipped there, or the "
-                                               "time stamps are wrong (--motion for what carries it otherwise)",
+                                 : fmt::format(", first at {:.2f} s: too fast for a hand-held camera; tracking failed "
+                                               "there, or the timestamps are wrong (--motion for other carriers)",
                                                peak.timestamp))));
   };
   add("speed", speeds.speed(), speeds.speed_limit(), 1, "m/s", "moves");
@@ -92,27 +91,28 @@ void add_speeds(std::vector<Item>& items, const Speeds& speeds) {
 void add_device(std::vector<Item>& items, const PoseAgreement& d) {
   if (d.windows > 0) {
     const double beyond = 100 * d.beyond;
-    const bool is_good = beyond <= kBeyondDrift && d.shift <= d.allowed_shift && d.turn <= d.allowed_turn;
-    items.push_back(item(
-        "device_poses", beyond, kBeyondDrift, "%", is_good,
-        fmt::format("the device's own poses differ beyond drift in {:.0f} % of the windows of 1 and 5 s, and by {:.0f} "
-                    "cm and {:.1f} degrees over all{}",
-                    beyond, 100 * d.shift, kDegrees * d.turn,
-                    is_good ? "" : ": one of the two slipped; compare with --guess or --poses of the device")));
+    const bool is_good = beyond <= kMaxBeyondDrift && d.shift <= d.allowed_shift && d.turn <= d.allowed_turn;
+    items.push_back(
+        item("device_poses", beyond, kMaxBeyondDrift, "%", is_good,
+             fmt::format(
+                 "the device's poses differ by more than drift in {:.0f} % of the windows of 1 and 5 s, and by {:.0f} "
+                 "cm and {:.1f} degrees in total{}",
+                 beyond, 100 * d.shift, kDegrees * d.turn,
+                 is_good ? "" : ": one of the two is wrong; compare with --guess or --poses of the device")));
   }
-  if (d.scaled_windows >= kEnoughWindows) {
+  if (d.scaled_windows >= kMinWindows) {
     const double off = 100 * (d.scale - 1);
     const bool is_good = std::abs(d.scale - 1) <= std::max(d.allowed_scale, d.scale_spread);
     items.push_back(item(
         "device_scale", off, 100 * d.allowed_scale, "%", is_good,
-        fmt::format("ways are {:.1f} % {} than by the device's own poses{}", std::abs(off),
+        fmt::format("distances are {:.1f} % {} than in the device's poses{}", std::abs(off),
                     off < 0 ? "shorter" : "longer", is_good ? "" : ": check depth_scale and the camera's intrinsics")));
   }
 }
 
 }  // namespace
 
-Item frames_item(double in_map, const Outcome& o) {
+Item frames_item(double in_map, const RunSummary& o) {
   constexpr double kGood = 95, kBad = 80;
   const double value = 100 * in_map;
   Item i = item("frames_in_map", value, kGood, "%", value >= kGood,
@@ -123,7 +123,7 @@ Item frames_item(double in_map, const Outcome& o) {
 
 std::vector<Item> items_of(const Measured& m) {
   std::vector<Item> items;
-  add_still(items, m.still);
+  add_turntable(items, m.still);
   add_agreement(items, m.fused, m.held_out);
   add_speeds(items, m.speeds);
   add_device(items, m.device);
@@ -131,11 +131,11 @@ std::vector<Item> items_of(const Measured& m) {
     const bool has_color = *m.with_color > 0;
     items.push_back(item("color", 100 * *m.with_color, 0, "%", has_color,
                          has_color ? fmt::format("{:.0f} % of the frames have color", 100 * *m.with_color)
-                                   : "there is no colour: by depth alone plain walls cannot be followed"));
+                                   : "there is no color: tracking by depth alone fails at plain walls"));
   }
   const bool is_upright = m.upright_unknown.empty();
   items.push_back(item("upright", is_upright ? 1 : 0, 1, "", is_upright,
-                       is_upright ? "it is known which way is up" : "upright " + m.upright_unknown));
+                       is_upright ? "the up axis is known" : "up axis " + m.upright_unknown));
   return items;
 }
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/verdict.hpp"
+#include "cairn/eval/verdict.hpp"
 #include "eval/map_agreement.hpp"
 #include "eval/pose_agreement.hpp"
 #include "eval/speeds.hpp"
@@ -21,11 +21,11 @@ struct Measured {
   Speeds speeds;
   PoseAgreement device;
   std::optional<double> with_color;  // share of the frames
-  std::string upright_unknown;       // see Outcome
+  std::string upright_unknown;       // see RunSummary
 };
 
 /// Share of the frames in the map, with the limits of the verdict's levels.
-[[nodiscard]] Verdict::Item frames_item(double in_map, const Outcome& outcome);
+[[nodiscard]] Verdict::Item frames_item(double in_map, const RunSummary& outcome);
 /// Items of the verdict, the most explanatory first.
 [[nodiscard]] std::vector<Verdict::Item> items_of(const Measured& measured);
 

@@ -13,9 +13,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kAcross = 64;  // maximum width of the grid in pixels
+constexpr int kMaxWidth = 64;  // maximum width of the grid in pixels
 constexpr std::size_t kOutside = std::numeric_limits<std::size_t>::max();
-constexpr float kEdge = 0.04f;  // relative depth difference of neighbors; excludes mixed pixels and silhouettes
+constexpr float kMaxDepthStep = 0.04f;  // relative depth difference of neighbors; excludes mixed pixels and silhouettes
 
 std::size_t pixels_of(const Camera& c) {
   return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
@@ -23,7 +23,7 @@ std::size_t pixels_of(const Camera& c) {
 
 /// Camera with every `step`-th pixel of the undistorted image.
 Camera grid_of(const Camera& image) {
-  const int step = (image.width + kAcross - 1) / kAcross, first = step / 2;
+  const int step = (image.width + kMaxWidth - 1) / kMaxWidth, first = step / 2;
   Camera grid = image.rectified();
   grid.width = image.width / step, grid.height = image.height / step;
   grid.fx = image.fx / step, grid.fy = image.fy / step;
@@ -36,7 +36,7 @@ float flat_depth(const std::vector<float>& depth, std::size_t pixel, std::size_t
   const float z = depth[pixel];
   if (!(z > 0)) return 0;
   for (const std::size_t neighbor : {pixel - 1, pixel + 1, pixel - width, pixel + width})
-    if (!(std::abs(depth[neighbor] - z) <= kEdge * z)) return 0;
+    if (!(std::abs(depth[neighbor] - z) <= kMaxDepthStep * z)) return 0;
   return z;
 }
 
@@ -56,13 +56,13 @@ std::string in_hex(const std::vector<Number>& numbers) {
 
 template <class Number>
 bool from_hex(const std::string& text, std::vector<Number>& numbers) {
-  constexpr std::size_t kEach = 2 * sizeof(Number);
-  if (text.empty() || text[0] != 'x' || (text.size() - 1) % kEach != 0) return false;
-  numbers.assign((text.size() - 1) / kEach, 0);
+  constexpr std::size_t kDigitsPerNumber = 2 * sizeof(Number);
+  if (text.empty() || text[0] != 'x' || (text.size() - 1) % kDigitsPerNumber != 0) return false;
+  numbers.assign((text.size() - 1) / kDigitsPerNumber, 0);
   for (std::size_t i = 1; i < text.size(); ++i) {
     const auto digit = std::string_view(kDigits).find(text[i]);
     if (digit == std::string_view::npos) return false;
-    Number& n = numbers[(i - 1) / kEach];
+    Number& n = numbers[(i - 1) / kDigitsPerNumber];
     n = static_cast<Number>(n << 4 | digit);
   }
   return true;
@@ -74,8 +74,9 @@ FrameSamples::FrameSamples(const Rig& rig) : rig_(rig), camera_(grid_of(rig.dept
   const Camera& image = rig_.depth;
   for (int y = 0; y < camera_.height; ++y)
     for (int x = 0; x < camera_.width; ++x) {
-      const Eigen::Vector2d bent = image.distort(camera_.ray(x, y).head<2>());
-      const double u = std::round(image.fx * bent.x() + image.cx), v = std::round(image.fy * bent.y() + image.cy);
+      const Eigen::Vector2d distorted = image.distort(camera_.ray(x, y).head<2>());
+      const double u = std::round(image.fx * distorted.x() + image.cx),
+                   v = std::round(image.fy * distorted.y() + image.cy);
       const bool inside = u >= 1 && v >= 1 && u <= image.width - 2 && v <= image.height - 2;
       pixels_.push_back(inside ? static_cast<std::size_t>(v) * static_cast<std::size_t>(image.width) +
                                      static_cast<std::size_t>(u)
@@ -88,14 +89,14 @@ FrameSample FrameSamples::sample_of(const Frame& frame, double min_depth, double
                      .held_out = frame.held_out,
                      .depth = std::vector<std::uint16_t>(pixels_.size(), 0),
                      .brightness = {}};
-  const bool has_color = !rig_.colour && frame.colour.size() == frame.depth.size();
+  const bool has_color = !rig_.color && frame.color.size() == frame.depth.size();
   const bool has_confidence = frame.confidence.size() == frame.depth.size();
   if (has_color) sample.brightness.assign(pixels_.size(), 0);
   for (std::size_t i = 0; i < pixels_.size(); ++i) {
     const std::size_t p = pixels_[i];
     if (p == kOutside) continue;
-    if (has_color) sample.brightness[i] = brightness_of(frame.colour[p]);
-    if (has_confidence && frame.confidence[p] < rig_.sensor.least_confidence) continue;
+    if (has_color) sample.brightness[i] = brightness_of(frame.color[p]);
+    if (has_confidence && frame.confidence[p] < rig_.sensor.min_confidence) continue;
     const auto z = static_cast<double>(flat_depth(frame.depth, p, static_cast<std::size_t>(rig_.depth.width)));
     const double units = std::round(z / FrameSample::kDepthUnit);
     if (z >= min_depth && z <= max_depth && units <= 65535) sample.depth[i] = static_cast<std::uint16_t>(units);
@@ -109,7 +110,7 @@ void FrameSamples::add(const Frame& frame, int recording, double min_depth, doub
   if (of.seen++ % of.every != 0) return;
   of.kept.push_back(sample_of(frame, min_depth, max_depth));
   of.kept.back().recording = recording;
-  if (of.kept.size() < (frame.held_out ? kMostHeldOut : kMost)) return;
+  if (of.kept.size() < (frame.held_out ? kMaxHeldOut : kMaxFused)) return;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < of.kept.size(); i += 2)
     if (const std::size_t at = kept++; at != i) of.kept[at] = std::move(of.kept[i]);
@@ -136,7 +137,7 @@ void FrameSamples::restore(std::istream& in) {
   Thinned read[2];
   for (Thinned& of : read) {
     std::size_t count = 0;
-    if (!(in >> of.seen >> of.every >> count) || of.every == 0 || count > kMost) return;
+    if (!(in >> of.seen >> of.every >> count) || of.every == 0 || count > kMaxFused) return;
     for (std::size_t i = 0; i < count; ++i) {
       FrameSample s{.held_out = &of == &read[1], .depth = {}, .brightness = {}};
       std::string depth, brightness;

@@ -6,7 +6,7 @@
 #include <iosfwd>
 #include <vector>
 
-#include "cairn/frame.hpp"
+#include "cairn/mapping/frame.hpp"
 
 namespace cairn {
 
@@ -26,7 +26,7 @@ struct FrameSample {
 /// its length. Held-out frames are sampled separately.
 class FrameSamples {
  public:
-  static constexpr std::size_t kMost = 48, kMostHeldOut = 16;  // frames
+  static constexpr std::size_t kMaxFused = 48, kMaxHeldOut = 16;  // frames
   explicit FrameSamples(const Rig& rig);
 
   /// Depth outside [min_depth, max_depth], in meters, is dropped.

@@ -7,20 +7,20 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/velocity.hpp"
 #include "eval/frame_pose.hpp"
 #include "eval/statistics.hpp"
+#include "geometry/velocity.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kBent = 0.02;              // maximum motion in half a readout, meters and radians
-constexpr double kSigmas = 4, kVoxels = 3;  // multiples of the depth noise, and of the voxel size
-constexpr double kSameSurface = 0.1;        // meters
-constexpr double kBorder = 1.5;             // voxels by which a surface ends before the border of its measurements
-constexpr int kWidestBorder = 4;            // pixels of the grid
+constexpr double kMaxReadoutMotion = 0.02;   // maximum motion in half a readout, meters and radians
+constexpr double kSigmas = 4, kVoxels = 3;   // multiples of the depth noise, and of the voxel size
+constexpr double kMaxSurfaceDistance = 0.1;  // meters
+constexpr double kBorderWidth = 1.5;         // voxels by which a surface ends before the border of its measurements
+constexpr int kMaxBorder = 4;                // pixels of the grid
 
-constexpr float kNear = 0.05f;  // meters; nearer triangles are dropped
+constexpr float kNearPlane = 0.05f;  // meters; nearer triangles are dropped
 
 /// Projected corner of a triangle: pixel and 1/z.
 struct Projected {
@@ -28,8 +28,8 @@ struct Projected {
 };
 
 /// Depth test with 1/z for the pixels of a triangle. Most triangles of a map are smaller than a pixel of the grid.
-void draw(const Projected& a, const Projected& b, const Projected& c, const Camera& grid,
-          std::vector<float>& inverse_z) {
+void rasterize(const Projected& a, const Projected& b, const Projected& c, const Camera& grid,
+               std::vector<float>& inverse_z) {
   const float area = (b.u - a.u) * (c.v - a.v) - (b.v - a.v) * (c.u - a.u);
   if (!(area < 0)) return;  // back face, with rows downward
   const int left = std::max(0, static_cast<int>(std::ceil(std::max(-1.0f, std::min({a.u, b.u, c.u}))))),
@@ -52,8 +52,8 @@ void draw(const Projected& a, const Projected& b, const Projected& c, const Came
 
 /// Renders the depth of front faces, as render_mesh does; 0: no surface. Takes a twentieth of render_mesh's time, since
 /// it renders only depth on a coarse grid.
-std::vector<float> draw_depth(const std::vector<Mesh>& parts, const Camera& grid,
-                              const Eigen::Isometry3d& world_from_camera) {
+std::vector<float> render_depth(const std::vector<Mesh>& parts, const Camera& grid,
+                                const Eigen::Isometry3d& world_from_camera) {
   const Eigen::Isometry3f camera_from_world = world_from_camera.inverse().cast<float>();
   const auto fx = static_cast<float>(grid.fx), fy = static_cast<float>(grid.fy), cx = static_cast<float>(grid.cx),
              cy = static_cast<float>(grid.cy);
@@ -63,12 +63,12 @@ std::vector<float> draw_depth(const std::vector<Mesh>& parts, const Camera& grid
     corners.clear();
     for (const auto& position : part.positions) {
       const Eigen::Vector3f p = camera_from_world * position;
-      const float inverse = p.z() > kNear ? 1 / p.z() : 0;
+      const float inverse = p.z() > kNearPlane ? 1 / p.z() : 0;
       corners.push_back({fx * p.x() * inverse + cx, fy * p.y() * inverse + cy, inverse});
     }
     for (const auto& t : part.triangles) {
       const Projected &a = corners[t[0]], &b = corners[t[1]], &c = corners[t[2]];
-      if (a.inverse_z > 0 && b.inverse_z > 0 && c.inverse_z > 0) draw(a, b, c, grid, depth);
+      if (a.inverse_z > 0 && b.inverse_z > 0 && c.inverse_z > 0) rasterize(a, b, c, grid, depth);
     }
   }
   for (float& z : depth) z = z > 0 ? 1 / z : 0;
@@ -76,33 +76,33 @@ std::vector<float> draw_depth(const std::vector<Mesh>& parts, const Camera& grid
 }
 
 /// Depth of the map in the 3x3 pixels around a measurement, since silhouettes of the map deviate by up to a grid pixel.
-struct Drawn {
-  double least = 1e9, most = 0;  // range over the nine pixels
-  double nearest = 1e9;          // smallest difference to the measurement
-  bool is_whole = true;          // surface in all nine pixels
+struct RenderedDepth {
+  double min_depth = 1e9, max_depth = 0;  // range over the nine pixels
+  double nearest = 1e9;                   // smallest difference to the measurement
+  bool is_complete = true;                // surface in all nine pixels
 };
 
-Drawn drawn_at(const std::vector<float>& depth, const Camera& grid, int x, int y, double measured) {
-  Drawn drawn;
+RenderedDepth rendered_at(const std::vector<float>& depth, const Camera& grid, int x, int y, double measured) {
+  RenderedDepth rendered;
   for (int v = std::max(0, y - 1); v <= std::min(grid.height - 1, y + 1); ++v)
     for (int u = std::max(0, x - 1); u <= std::min(grid.width - 1, x + 1); ++u) {
       const auto d = static_cast<double>(
           depth[static_cast<std::size_t>(v) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(u)]);
       if (!(d > 0)) {
-        drawn.is_whole = false;
+        rendered.is_complete = false;
         continue;
       }
-      drawn.least = std::min(drawn.least, d), drawn.most = std::max(drawn.most, d);
-      drawn.nearest = std::min(drawn.nearest, std::abs(d - measured));
+      rendered.min_depth = std::min(rendered.min_depth, d), rendered.max_depth = std::max(rendered.max_depth, d);
+      rendered.nearest = std::min(rendered.nearest, std::abs(d - measured));
     }
-  return drawn;
+  return rendered;
 }
 
 /// True if all pixels within a surface's border around a pixel have depth in the sample.
 bool is_interior(const std::vector<float>& measured, const Camera& grid, int x, int y, double voxel_size) {
   const auto z = static_cast<double>(
       measured[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) + static_cast<std::size_t>(x)]);
-  const int border = std::clamp(static_cast<int>(std::ceil(kBorder * voxel_size * grid.fx / z)), 1, kWidestBorder);
+  const int border = std::clamp(static_cast<int>(std::ceil(kBorderWidth * voxel_size * grid.fx / z)), 1, kMaxBorder);
   if (x < border || y < border || x >= grid.width - border || y >= grid.height - border) return false;
   for (int v = y - border; v <= y + border; ++v)
     for (int u = x - border; u <= x + border; ++u)
@@ -126,7 +126,7 @@ std::vector<PlacedSample> placed_samples(const FrameSamples& samples, double rea
     const Trajectory& poses = trajectories[static_cast<std::size_t>(sample->recording)];
     const double time = sample->timestamp + clock_offset;
     const auto pose = frame_pose(poses, time);
-    if (!pose || velocity_at(poses, time).norm() * readout / 2 > kBent) continue;
+    if (!pose || velocity_at(poses, time).norm() * readout / 2 > kMaxReadoutMotion) continue;
     placed.push_back({sample, *pose});
   }
   return placed;
@@ -146,19 +146,20 @@ Compared compare(const std::vector<Mesh>& parts, const Camera& grid, const Depth
   std::vector<float> measured(placed.sample->depth.size());
   for (std::size_t i = 0; i < measured.size(); ++i) measured[i] = static_cast<float>(placed.sample->at(i));
   correction.apply(grid.width, grid.height, measured);
-  const std::vector<float> drawn = draw_depth(parts, grid, placed.world_from_camera);
+  const std::vector<float> rendered = render_depth(parts, grid, placed.world_from_camera);
   for (std::size_t i = 0; i < measured.size(); ++i) {
     const auto z = static_cast<double>(measured[i]);
     if (!(z > 0)) continue;
     const int x = static_cast<int>(i) % grid.width, y = static_cast<int>(i) / grid.width;
     if (!is_interior(measured, grid, x, y, tolerance.voxel_size)) continue;
-    const Drawn around = drawn_at(drawn, grid, x, y, z);
+    const RenderedDepth around = rendered_at(rendered, grid, x, y, z);
     const double limit = tolerance.at(z);
     ++compared.points;
-    compared.in_front += around.is_whole && around.most < z - limit;
-    compared.missing += around.nearest > limit && !(around.least <= z && z <= around.most);
-    if (const double off = std::abs(static_cast<double>(drawn[i]) - z); drawn[i] > 0 && off < kSameSurface)
-      compared.errors.push_back(off);
+    compared.in_front += around.is_complete && around.max_depth < z - limit;
+    compared.missing += around.nearest > limit && !(around.min_depth <= z && z <= around.max_depth);
+    if (const double error = std::abs(static_cast<double>(rendered[i]) - z);
+        rendered[i] > 0 && error < kMaxSurfaceDistance)
+      compared.errors.push_back(error);
   }
   return compared;
 }

@@ -5,9 +5,9 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/depth_correction.hpp"
-#include "cairn/mesh.hpp"
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/depth_correction.hpp"
+#include "cairn/mapping/mesh.hpp"
+#include "cairn/mapping/trajectory.hpp"
 #include "eval/frame_samples.hpp"
 
 namespace cairn {

@@ -10,18 +10,18 @@
 #include <stdexcept>
 #include <unsupported/Eigen/BVH>
 
-#include "base/velocity.hpp"
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 #include "eval/frame_pose.hpp"
 #include "eval/statistics.hpp"
 #include "eval/view_comparison.hpp"
+#include "geometry/velocity.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr std::array kRanges{0.0, 1.5, 2.5, 3.5, 5.0};  // meters, limits of the depth bands
-constexpr float kElsewhere = 0.1f;                      // meters: beyond this distance, another surface
-constexpr float kOneSheet = 0.005f, kTwoSheets = 0.05f, kSameSide = 0.7f;  // meters; cosine between normals
+constexpr float kMaxDepthError = 0.1f;                  // meters: beyond this distance, another surface
+constexpr float kMinSheetGap = 0.005f, kMaxSheetGap = 0.05f, kMinNormalCosine = 0.7f;  // meters; cosine between normals
 constexpr int kSheetSamples = 100000;
 
 /// Triangles with a ray query along their normals.
@@ -52,13 +52,13 @@ class Sheets {
     tbb::parallel_for(0, kSheetSamples, [&](int i) {
       std::minstd_rand random(static_cast<unsigned>(i) + 1);
       random.discard(2);
-      std::uniform_real_distribution<float> share;
+      std::uniform_real_distribution<float> uniform;
       const auto at = std::upper_bound(areas.begin(), areas.end(), total * (i + 0.5) / kSheetSamples);
       const Triangle& t = triangles_[std::min(static_cast<std::size_t>(at - areas.begin()), areas.size() - 1)];
-      float u = share(random), v = share(random);
+      float u = uniform(random), v = uniform(random);
       if (u + v > 1) u = 1 - u, v = 1 - v;
       const Eigen::Vector3f p = t.corners[0] + u * (t.corners[1] - t.corners[0]) + v * (t.corners[2] - t.corners[0]);
-      has_another[static_cast<std::size_t>(i)] = meets(p, t.normal().normalized());
+      has_another[static_cast<std::size_t>(i)] = intersects_sheet(p, t.normal().normalized());
     });
     return static_cast<double>(std::count(has_another.begin(), has_another.end(), 1)) / kSheetSamples;
   }
@@ -71,29 +71,29 @@ class Sheets {
     }
   };
   /// Returns true if the line along a normal intersects another triangle of similar normal, at a distance from
-  /// kOneSheet to kTwoSheets.
-  [[nodiscard]] bool meets(const Eigen::Vector3f& p, const Eigen::Vector3f& n) const {
+  /// kMinSheetGap to kMaxSheetGap.
+  [[nodiscard]] bool intersects_sheet(const Eigen::Vector3f& p, const Eigen::Vector3f& n) const {
     struct Line {
       const std::vector<Triangle>& triangles;
       const Eigen::Vector3f &p, &n;
-      Eigen::AlignedBox3f reach;
+      Eigen::AlignedBox3f bounds;
       bool found = false;
-      bool intersectVolume(const Eigen::AlignedBox3f& box) const { return box.intersects(reach); }
+      bool intersectVolume(const Eigen::AlignedBox3f& box) const { return box.intersects(bounds); }
       bool intersectObject(int i) {
         const Triangle& t = triangles[static_cast<std::size_t>(i)];
         const Eigen::Vector3f other = t.normal();
         const float along = other.dot(n);
-        if (along < kSameSide * other.norm()) return false;
+        if (along < kMinNormalCosine * other.norm()) return false;
         const float gap = other.dot(t.corners[0] - p) / along;
-        if (std::abs(gap) < kOneSheet || std::abs(gap) > kTwoSheets) return false;
+        if (std::abs(gap) < kMinSheetGap || std::abs(gap) > kMaxSheetGap) return false;
         const Eigen::Vector3f hit = p + gap * n;
         for (std::size_t k = 0; k < 3; ++k)
           if ((t.corners[(k + 1) % 3] - t.corners[k]).cross(hit - t.corners[k]).dot(other) < 0) return false;
         return found = true;
       }
     } line{triangles_, p, n, {}};
-    line.reach.extend(p - kTwoSheets * n);
-    line.reach.extend(p + kTwoSheets * n);
+    line.bounds.extend(p - kMaxSheetGap * n);
+    line.bounds.extend(p + kMaxSheetGap * n);
     Eigen::BVIntersect(tree_, line);
     return line.found;
   }
@@ -113,7 +113,7 @@ class DepthErrors {
       ++b.seen;
       if (drawn == 0) continue;
       const float error = drawn - seen;
-      if (std::abs(error) > kElsewhere)
+      if (std::abs(error) > kMaxDepthError)
         ++b.elsewhere;
       else
         b.errors.push_back(static_cast<double>(std::abs(error)));
@@ -140,8 +140,8 @@ class DepthErrors {
 };
 
 bool is_one_of(const std::vector<double>& times, double time) {
-  const auto next = std::lower_bound(times.begin(), times.end(), time - kSameFrame);
-  return next != times.end() && *next <= time + kSameFrame;
+  const auto next = std::lower_bound(times.begin(), times.end(), time - kMaxTimestampDifference);
+  return next != times.end() && *next <= time + kMaxTimestampDifference;
 }
 
 }  // namespace
@@ -160,26 +160,26 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
     rig.depth_correction.apply(rig.depth.width, rig.depth.height, frame->depth);
     const Vector6d velocity = velocity_at(world_from_camera, frame->timestamp);
     depth.add(views.compare_depth(*frame, *pose, velocity));
-    if (!frame->colour.empty()) views.compare_colour(std::move(*frame), *pose, velocity);
+    if (!frame->color.empty()) views.compare_color(std::move(*frame), *pose, velocity);
     ++error.frames;
   }
   if (error.frames == 0)
-    throw std::runtime_error(std::string(only_held_out ? "no frame that was held out" : "no frame of the recording") +
-                             " has a pose in the map's trajectory: was it made from another?");
+    throw std::runtime_error(std::string(only_held_out ? "no held-out frame" : "no frame of the recording") +
+                             " has a pose in the map's trajectory: was the map made from another recording?");
   error.ranges = depth.ranges();
   error.psnr = views.psnr();
   error.doubled = Sheets(parts).doubled();
   return error;
 }
 
-LoopDrift evaluate_loop_drift(const std::vector<LoopMeasured>& loops, const Trajectory& world_from_camera) {
+LoopDrift evaluate_loop_drift(const std::vector<MeasuredLoop>& loops, const Trajectory& world_from_camera) {
   std::vector<double> shifts, turns;
-  for (const LoopMeasured& loop : loops) {
+  for (const MeasuredLoop& loop : loops) {
     const auto from = frame_pose(world_from_camera, loop.from), to = frame_pose(world_from_camera, loop.to);
     if (!from || !to) continue;
-    const Eigen::Isometry3d off = (from->inverse() * *to).inverse() * loop.i_from_j;
-    shifts.push_back(off.translation().norm());
-    turns.push_back(Eigen::AngleAxisd(off.linear()).angle());
+    const Eigen::Isometry3d drift = (from->inverse() * *to).inverse() * loop.i_from_j;
+    shifts.push_back(drift.translation().norm());
+    turns.push_back(Eigen::AngleAxisd(drift.linear()).angle());
   }
   return {statistics(std::move(shifts)), statistics(std::move(turns))};
 }

@@ -5,7 +5,7 @@
 #include <random>
 #include <stdexcept>
 
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 #include "eval/mesh_surface.hpp"
 #include "eval/statistics.hpp"
 #include "mesh/topology.hpp"
@@ -68,17 +68,17 @@ std::vector<std::uint8_t> borders_of(const Mesh& mesh) {
 
 /// Returns true if a point is on one of the given boundary edges of a triangle.
 bool is_on_border(const Mesh& mesh, std::size_t triangle, std::uint8_t borders, const Eigen::Vector3f& point) {
-  constexpr float kOn = 1e-5f;  // meters
+  constexpr float kMaxDistance = 1e-5f;  // meters
   const auto& t = mesh.triangles[triangle];
   for (std::size_t corner = 0; corner < 3; ++corner) {
     if ((borders >> corner & 1) == 0) continue;
     const Eigen::Vector3f &a = mesh.positions[t[corner]], &b = mesh.positions[t[(corner + 1) % 3]];
-    if (from_triangle(point, a, b, b).norm() < kOn) return true;
+    if (from_triangle(point, a, b, b).norm() < kMaxDistance) return true;
   }
   return false;
 }
 
-double share_within(const std::vector<double>& d, double threshold) {
+double fraction_within(const std::vector<double>& d, double threshold) {
   return static_cast<double>(std::count_if(d.begin(), d.end(), [&](double x) { return x <= threshold; })) /
          static_cast<double>(d.size());
 }
@@ -92,7 +92,8 @@ MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples, co
   MeshError error{.accuracy = statistics(of_estimate), .completeness = statistics(of_truth)};
   constexpr std::array kThresholds{0.01, 0.02, 0.05};
   for (std::size_t i = 0; i < kThresholds.size(); ++i) {
-    const double precision = share_within(of_estimate, kThresholds[i]), recall = share_within(of_truth, kThresholds[i]);
+    const double precision = fraction_within(of_estimate, kThresholds[i]),
+                 recall = fraction_within(of_truth, kThresholds[i]);
     const double sum = precision + recall;
     error.at[i] = {kThresholds[i], precision, recall, sum > 0 ? 2 * precision * recall / sum : 0.0};
   }
@@ -101,24 +102,25 @@ MeshError evaluate_mesh(const Mesh& estimate, const Mesh& truth, int samples, co
 
 ErrorStatistics evaluate_seam(const Mesh& first, const Mesh& second, double reach, int samples) {
   if (first.triangles.empty() || second.triangles.empty()) return {};
-  constexpr float kSameSide = 0.5f;  // cosine between normals
+  constexpr float kMinNormalCosine = 0.5f;  // cosine between normals
   const std::vector<Sample> points = sample(first, samples);
   const MeshSurface surface(second);
   const std::vector<std::uint8_t> borders = borders_of(second);
-  std::vector<double> found(points.size(), reach);
+  std::vector<double> gaps(points.size(), reach);
   tbb::parallel_for(std::size_t{0}, points.size(), [&](std::size_t i) {
     const auto& [point, triangle] = points[i];
     const MeshSurface::Nearest nearest = surface.nearest(point);
-    if (normal_of(first, triangle).dot(normal_of(second, nearest.triangle)) < kSameSide) return;
+    if (normal_of(first, triangle).dot(normal_of(second, nearest.triangle)) < kMinNormalCosine) return;
     const auto& t = second.triangles[nearest.triangle];
-    const Eigen::Vector3f there =
+    const Eigen::Vector3f nearest_point =
         point - from_triangle(point, second.positions[t[0]], second.positions[t[1]], second.positions[t[2]]);
-    if (borders[nearest.triangle] != 0 && is_on_border(second, nearest.triangle, borders[nearest.triangle], there))
+    if (borders[nearest.triangle] != 0 &&
+        is_on_border(second, nearest.triangle, borders[nearest.triangle], nearest_point))
       return;
-    found[i] = std::sqrt(static_cast<double>(nearest.squared_distance));
+    gaps[i] = std::sqrt(static_cast<double>(nearest.squared_distance));
   });
-  std::erase_if(found, [&](double d) { return d >= reach; });
-  return found.empty() ? ErrorStatistics{} : statistics(found);
+  std::erase_if(gaps, [&](double d) { return d >= reach; });
+  return gaps.empty() ? ErrorStatistics{} : statistics(gaps);
 }
 
 }  // namespace cairn

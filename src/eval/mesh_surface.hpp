@@ -8,7 +8,7 @@
 #include <unsupported/Eigen/BVH>
 #include <vector>
 
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 namespace cairn {
 

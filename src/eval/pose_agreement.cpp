@@ -11,30 +11,32 @@ namespace cairn {
 namespace {
 
 // Combined drift of visual-inertial odometry and of tracking.
-constexpr double kShift = 0.05, kShiftOfWay = 0.03;                       // meters, and share of the path length
-constexpr double kTurn = 2 * std::numbers::pi / 180, kTurnOfTurn = 0.02;  // radians, and share of the rotation
-constexpr double kScale = 0.03;                                           // of all lengths
-constexpr double kWindows[] = {1, 5};                                     // seconds
-constexpr double kScaledWay = 0.3;  // minimum distance in meters between the ends of a window, for a ratio of lengths
-constexpr std::size_t kFewest = 3;  // poses
+constexpr double kDriftTranslation = 0.05, kDriftPerMeter = 0.03;  // meters, and share of the path length
+constexpr double kDriftRotation = 2 * std::numbers::pi / 180,
+                 kDriftPerRadian = 0.02;  // radians, and share of the rotation
+constexpr double kMaxScaleError = 0.03;   // of all lengths
+constexpr double kWindows[] = {1, 5};     // seconds
+constexpr double kMinBaseline = 0.3;  // minimum distance in meters between the ends of a window, for a ratio of lengths
+constexpr std::size_t kMinPoses = 3;  // poses
 
 /// Both poses at a time, with the device's path length and rotation so far.
 struct Both {
   double timestamp;
   Eigen::Isometry3d tracked, device;
-  double way = 0, turned = 0;  // meters, radians
+  double path_length = 0, rotation = 0;  // meters, radians
 };
 
 double angle_of(const Eigen::Isometry3d& motion) { return Eigen::AngleAxisd(motion.linear()).angle(); }
 
-std::vector<Both> joined(const Trajectory& tracked, const Trajectory& device) {
+std::vector<Both> matched(const Trajectory& tracked, const Trajectory& device) {
   std::vector<Both> all;
   for (const StampedPose& pose : tracked)
     if (const auto other = pose_at(device, pose.timestamp)) {
       Both both{.timestamp = pose.timestamp, .tracked = pose.world_from_camera, .device = *other};
       if (!all.empty()) {
         const Eigen::Isometry3d step = all.back().device.inverse() * both.device;
-        both.way = all.back().way + step.translation().norm(), both.turned = all.back().turned + angle_of(step);
+        both.path_length = all.back().path_length + step.translation().norm(),
+        both.rotation = all.back().rotation + angle_of(step);
       }
       all.push_back(both);
     }
@@ -57,16 +59,16 @@ Difference difference(const Both& a, const Both& b, double drift) {
   const Eigen::Isometry3d tracked = a.tracked.inverse() * b.tracked, device = a.device.inverse() * b.device;
   return {.shift = (tracked.translation() - device.translation()).norm(),
           .turn = angle_of(tracked.inverse() * device),
-          .allowed_shift = drift * (kShift + kShiftOfWay * (b.way - a.way)),
-          .allowed_turn = drift * (kTurn + kTurnOfTurn * (b.turned - a.turned))};
+          .allowed_shift = drift * (kDriftTranslation + kDriftPerMeter * (b.path_length - a.path_length)),
+          .allowed_turn = drift * (kDriftRotation + kDriftPerRadian * (b.rotation - a.rotation))};
 }
 
 }  // namespace
 
 PoseAgreement compare_poses(const Trajectory& tracked, const Trajectory& device, double drift) {
-  PoseAgreement agreement{.allowed_scale = drift * kScale};
-  const std::vector<Both> all = joined(tracked, device);
-  if (all.size() < kFewest) return agreement;
+  PoseAgreement agreement{.allowed_scale = drift * kMaxScaleError};
+  const std::vector<Both> all = matched(tracked, device);
+  if (all.size() < kMinPoses) return agreement;
   std::vector<double> ratios;
   int beyond = 0;
   for (const double seconds : kWindows)
@@ -75,17 +77,17 @@ PoseAgreement compare_poses(const Trajectory& tracked, const Trajectory& device,
       if (end == all.size()) break;
       ++agreement.windows;
       beyond += difference(all[begin], all[end], drift).is_beyond();
-      const double way = (all[begin].device.inverse() * all[end].device).translation().norm();
-      if (way > kScaledWay)
-        ratios.push_back((all[begin].tracked.inverse() * all[end].tracked).translation().norm() / way);
+      const double distance = (all[begin].device.inverse() * all[end].device).translation().norm();
+      if (distance > kMinBaseline)
+        ratios.push_back((all[begin].tracked.inverse() * all[end].tracked).translation().norm() / distance);
       // Windows overlap by half.
       const double next = all[begin].timestamp + seconds / 2;
       while (begin < all.size() && all[begin].timestamp < next) ++begin;
     }
   if (agreement.windows > 0) agreement.beyond = static_cast<double>(beyond) / agreement.windows;
-  const Difference whole = difference(all.front(), all.back(), drift);
-  agreement.shift = whole.shift, agreement.allowed_shift = whole.allowed_shift;
-  agreement.turn = whole.turn, agreement.allowed_turn = whole.allowed_turn;
+  const Difference total = difference(all.front(), all.back(), drift);
+  agreement.shift = total.shift, agreement.allowed_shift = total.allowed_shift;
+  agreement.turn = total.turn, agreement.allowed_turn = total.allowed_turn;
   agreement.scaled_windows = static_cast<int>(ratios.size());
   if (!ratios.empty()) {
     agreement.scale = median_of(ratios);

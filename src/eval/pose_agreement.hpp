@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Comparison of a tracked trajectory with the poses of the recording's device.
 #pragma once
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/trajectory.hpp"
 
 namespace cairn {
 

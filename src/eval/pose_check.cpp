@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Consistency check of given poses and depth: points of a depth image are compared with another depth image, using the
 // given relative pose. The check is repeated for all conventions the poses could use.
-#include "cairn/pose_check.hpp"
+#include "cairn/eval/pose_check.hpp"
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -19,39 +19,40 @@ namespace cairn {
 namespace {
 
 // Selection of frames.
-constexpr int kBursts = 4, kInBurst = 24;
-constexpr double kSpacing = 0.09;             // minimum seconds between frames of a burst
-constexpr int kAll = 3 * kBursts * kInBurst;  // frames; a shorter recording is a single burst
-constexpr int kUnseekable = 64;               // number of leading frames read from a source without seeking
-constexpr double kBreak = 3;                  // times the usual spacing: starts another burst
+constexpr int kBursts = 4, kFramesPerBurst = 24;
+constexpr double kMinFrameInterval = 0.09;                      // minimum seconds between frames of a burst
+constexpr int kMaxSingleBurst = 3 * kBursts * kFramesPerBurst;  // frames; a shorter recording is a single burst
+constexpr int kMaxUnseekableFrames = 64;  // number of leading frames read from a source without seeking
+constexpr double kMinBurstGap = 3;        // times the usual spacing: starts another burst
 // Comparison of two views.
-constexpr int kWidth = 160;  // maximum width in pixels
+constexpr int kMaxWidth = 160;  // maximum width in pixels
 constexpr int kPointColumns = 14, kPointRows = 10;
-constexpr float kSigmas = 3;          // of the difference of two depths
-constexpr float kPoseError = 0.015f;  // meters, of ordinary poses between two frames
-constexpr float kTurnError = 0.01f;   // radians, of ordinary poses between two frames
-constexpr float kNearest = 0.05f;     // meters
-constexpr float kEdge = 0.05f;        // relative depth difference of neighbors on one surface
-constexpr float kLeastSeen = 0.25f;   // of the points
+constexpr float kSigmas = 3;            // of the difference of two depths
+constexpr float kPoseError = 0.015f;    // meters, of ordinary poses between two frames
+constexpr float kTurnError = 0.01f;     // radians, of ordinary poses between two frames
+constexpr float kMinDepth = 0.05f;      // meters
+constexpr float kMaxDepthStep = 0.05f;  // relative depth difference of neighbors on one surface
+constexpr float kMinVisible = 0.25f;    // of the points
 // Pairs: agreement below these shares without motion indicates a moving camera; poses indicate motion by angle and
 // length.
-constexpr std::array kMoved{0.75f, 0.45f};
-constexpr double kTurned = 0.1, kShifted = 0.15;         // radians, meters
-constexpr double kMostTurned = 0.5, kMostShifted = 0.5;  // radians, meters: maximum motion between overlapping views
-constexpr int kViewsInStretch = 4;                       // number of views whose pairs are correlated
-constexpr int kFewPairs = 8, kFewStretches = 4;
+constexpr std::array kMovedAgreement{0.75f, 0.45f};
+constexpr double kMovedAngle = 0.1, kMovedDistance = 0.15;  // radians, meters
+constexpr double kMaxOverlapAngle = 0.5,
+                 kMaxOverlapDistance = 0.5;  // radians, meters: maximum motion between overlapping views
+constexpr int kViewsPerStretch = 4;          // number of views whose pairs are correlated
+constexpr int kMinPairs = 8, kMinStretches = 4;
 // Conventions.
 constexpr std::array kScales{1.0, 0.001, 0.01, 0.3048, 100.0, 1000.0};
-constexpr std::size_t kRefined = 8;  // number of best candidates for the clock and scale search
-constexpr double kMostClock = 1, kMostClockAlone = 5, kClockStep = 0.1, kClockFine = 0.02;  // seconds
-constexpr double kLeastClock = 0.05;  // smallest reported offset in seconds
-constexpr double kMostScale = 32;     // factor
-constexpr double kLeastScale = 1.1;   // smallest reported factor
-constexpr double kSameScale = 1.5;    // factor below which two scales are the same result
+constexpr std::size_t kRefinedCandidates = 8;  // number of best candidates for the clock and scale search
+constexpr double kMaxClockOffset = 1, kMaxClockOffsetAlone = 5, kClockStep = 0.1, kClockFine = 0.02;  // seconds
+constexpr double kMinClockOffset = 0.05;  // smallest reported offset in seconds
+constexpr double kMaxScale = 32;          // factor
+constexpr double kMinScale = 1.1;         // smallest reported factor
+constexpr double kMaxEqualScale = 1.5;    // factor below which two scales are the same result
 // Differences of shares: a clear difference, and equality of two conventions, in which case the simpler is preferred.
-constexpr double kClear = 0.06, kClearSigmas = 4;
-constexpr double kSame = 0.02, kSameSigmas = 2;
-constexpr double kUnexplained = 0.6;  // below this share, the poses must explain more than the motionless camera
+constexpr double kMinClearDifference = 0.06, kMinClearSigmas = 4;
+constexpr double kMaxEqualDifference = 0.02, kMaxEqualSigmas = 2;
+constexpr double kMinExplained = 0.6;  // below this share, the poses must explain more than the motionless camera
 
 struct View {
   double time = 0;
@@ -63,16 +64,16 @@ struct View {
 class Views {
  public:
   explicit Views(const Rig& rig) : rig_(rig), camera_(rig.depth.rectified()) {
-    const int step = std::max(1, (rig.depth.width + kWidth - 1) / kWidth);
+    const int step = std::max(1, (rig.depth.width + kMaxWidth - 1) / kMaxWidth);
     camera_.width = rig.depth.width / step, camera_.height = rig.depth.height / step;
     const double s = 1.0 / step;
     camera_.fx *= s, camera_.fy *= s;
     camera_.cx = (camera_.cx + 0.5) * s - 0.5, camera_.cy = (camera_.cy + 0.5) * s - 0.5;
     for (int y = 0; y < camera_.height; ++y)
       for (int x = 0; x < camera_.width; ++x) {
-        const Eigen::Vector2d bent = rig.depth.distort(camera_.ray(x, y).head<2>());
-        const double u = std::round(rig.depth.fx * bent.x() + rig.depth.cx),
-                     v = std::round(rig.depth.fy * bent.y() + rig.depth.cy);
+        const Eigen::Vector2d distorted = rig.depth.distort(camera_.ray(x, y).head<2>());
+        const double u = std::round(rig.depth.fx * distorted.x() + rig.depth.cx),
+                     v = std::round(rig.depth.fy * distorted.y() + rig.depth.cy);
         const bool inside = u >= 0 && v >= 0 && u < rig.depth.width && v < rig.depth.height;
         pixel_.push_back(inside ? static_cast<int>(v) * rig.depth.width + static_cast<int>(u) : -1);
       }
@@ -87,8 +88,8 @@ class Views {
       if (pixel_[i] < 0) continue;
       const auto p = static_cast<std::size_t>(pixel_[i]);
       const float z = depth[p];
-      const bool sure = frame.confidence.empty() || frame.confidence[p] >= rig_.sensor.least_confidence;
-      if (sure && z >= rig_.sensor.min_depth && z <= rig_.sensor.max_depth) view.depth[i] = z;
+      const bool is_confident = frame.confidence.empty() || frame.confidence[p] >= rig_.sensor.min_confidence;
+      if (is_confident && z >= rig_.sensor.min_depth && z <= rig_.sensor.max_depth) view.depth[i] = z;
     }
     for (int row = 0; row < kPointRows; ++row)
       for (int column = 0; column < kPointColumns; ++column) add_point(view, row, column);
@@ -105,7 +106,7 @@ class Views {
     const float z = view.depth[static_cast<std::size_t>(at)];
     if (!(z > 0)) return;
     for (const int next : {at - 1, at + 1, at - camera_.width, at + camera_.width})
-      if (!(std::abs(view.depth[static_cast<std::size_t>(next)] - z) < kEdge * z)) return;
+      if (!(std::abs(view.depth[static_cast<std::size_t>(next)] - z) < kMaxDepthStep * z)) return;
     view.points.push_back(z * camera_.ray(x, y).cast<float>());
   }
 
@@ -119,8 +120,8 @@ float depth_at(const View& view, int width, float u, float v, float z) {
   const int x = static_cast<int>(u), y = static_cast<int>(v);
   const float* const row = view.depth.data() + static_cast<std::ptrdiff_t>(y) * width + x;
   const std::array four{row[0], row[1], row[width], row[width + 1]};
-  const auto [least, most] = std::minmax_element(four.begin(), four.end());
-  if (*least > 0 && *most - *least < kEdge * *most) {
+  const auto [nearest_of_four, farthest_of_four] = std::minmax_element(four.begin(), four.end());
+  if (*nearest_of_four > 0 && *farthest_of_four - *nearest_of_four < kMaxDepthStep * *farthest_of_four) {
     const float a = u - static_cast<float>(x), b = v - static_cast<float>(y);
     return (1 - b) * ((1 - a) * four[0] + a * four[1]) + b * ((1 - a) * four[2] + a * four[3]);
   }
@@ -138,21 +139,21 @@ class Comparison {
   }
   /// Share of the points of `a` that agree with the depth of `b`.
   [[nodiscard]] float share(const View& a, const View& b, const Eigen::Isometry3f& b_from_a) const {
-    int seen = 0, agree = 0;
+    int visible = 0, agree = 0;
     for (const Eigen::Vector3f& point : a.points) {
       const Eigen::Vector3f p = b_from_a * point;
-      if (!(p.z() > kNearest)) continue;
+      if (!(p.z() > kMinDepth)) continue;
       const float u = fx_ * p.x() / p.z() + cx_, v = fy_ * p.y() / p.z() + cy_;
       if (!(u >= 0 && v >= 0 && u < static_cast<float>(camera_.width - 1) &&
             v < static_cast<float>(camera_.height - 1)))
         continue;
       const float d = depth_at(b, camera_.width, u, v, p.z());
       if (!(d > 0)) continue;
-      ++seen;
+      ++visible;
       agree += std::abs(d - p.z()) < allowance(p.z());
     }
-    const float least = kLeastSeen * static_cast<float>(a.points.size());
-    return static_cast<float>(agree) / std::max({static_cast<float>(seen), least, 1.0f});
+    const float min_visible = kMinVisible * static_cast<float>(a.points.size());
+    return static_cast<float>(agree) / std::max({static_cast<float>(visible), min_visible, 1.0f});
   }
   [[nodiscard]] float both(const View& a, const View& b, const Eigen::Isometry3f& a_from_b) const {
     return (share(b, a, a_from_b) + share(a, b, a_from_b.inverse())) / 2;
@@ -177,11 +178,13 @@ struct Pair {
 };
 
 bool claims_motion(const Eigen::Isometry3d& a_from_b) {
-  return Eigen::AngleAxisd(a_from_b.linear()).angle() / kTurned + a_from_b.translation().norm() / kShifted > 1;
+  return Eigen::AngleAxisd(a_from_b.linear()).angle() / kMovedAngle + a_from_b.translation().norm() / kMovedDistance >
+         1;
 }
 
 bool overlap(const Eigen::Isometry3d& a_from_b) {
-  return Eigen::AngleAxisd(a_from_b.linear()).angle() < kMostTurned && a_from_b.translation().norm() < kMostShifted;
+  return Eigen::AngleAxisd(a_from_b.linear()).angle() < kMaxOverlapAngle &&
+         a_from_b.translation().norm() < kMaxOverlapDistance;
 }
 
 class PoseEvidence {
@@ -222,7 +225,7 @@ class PoseEvidence {
   [[nodiscard]] float motionless(std::size_t a, std::size_t b) const {
     return comparison_.both(views_[a], views_[b], Eigen::Isometry3f::Identity());
   }
-  [[nodiscard]] double usual_spacing() const {
+  [[nodiscard]] double median_interval() const {
     std::vector<double> all;
     for (std::size_t i = 1; i < views_.size(); ++i) all.push_back(views_[i].time - views_[i - 1].time);
     if (all.empty()) return 0;
@@ -230,14 +233,14 @@ class PoseEvidence {
     return all[all.size() / 2];
   }
   void choose_pairs() {
-    const double most = kBreak * usual_spacing();
-    int stretch = 0, in_stretch = 0;
+    const double max_gap = kMinBurstGap * median_interval();
+    int stretch = 0, views_in_stretch = 0;
     for (std::size_t a = 0, end = 0; a < views_.size(); ++a) {
       if (a == end) {
-        for (end = a + 1; end < views_.size() && views_[end].time - views_[end - 1].time <= most;) ++end;
-        in_stretch = 0, ++stretch;
+        for (end = a + 1; end < views_.size() && views_[end].time - views_[end - 1].time <= max_gap;) ++end;
+        views_in_stretch = 0, ++stretch;
       }
-      if (++in_stretch > kViewsInStretch) ++stretch, in_stretch = 1;
+      if (++views_in_stretch > kViewsPerStretch) ++stretch, views_in_stretch = 1;
       if (a % 2 == 0) add_pairs(a, end, stretch);
     }
   }
@@ -252,8 +255,8 @@ class PoseEvidence {
       if (claims && overlap(step)) last = b;
       bool taken = claims && !has_moved;
       has_moved = has_moved || claims;
-      const float share = differ < kMoved.size() ? motionless(a, b) : 1;
-      while (differ < kMoved.size() && share < kMoved[differ]) ++differ, taken = true;
+      const float share = differ < kMovedAgreement.size() ? motionless(a, b) : 1;
+      while (differ < kMovedAgreement.size() && share < kMovedAgreement[differ]) ++differ, taken = true;
       if (taken) pairs_.push_back({a, b, stretch, claims});
     }
     const bool is_new = pairs_.empty() || pairs_.back().a != a || pairs_.back().b < last;
@@ -271,8 +274,8 @@ class PoseEvidence {
 struct Difference {
   double mean = 0, sigmas = 0;
   int pairs = 0;
-  [[nodiscard]] bool is_clear() const { return mean > kClear && sigmas > kClearSigmas; }
-  [[nodiscard]] bool is_none() const { return !(mean > kSame && sigmas > kSameSigmas); }
+  [[nodiscard]] bool is_clear() const { return mean > kMinClearDifference && sigmas > kMinClearSigmas; }
+  [[nodiscard]] bool is_none() const { return !(mean > kMaxEqualDifference && sigmas > kMaxEqualSigmas); }
 };
 
 Difference difference(const std::vector<Pair>& pairs, const Shares& a, const Shares& b, bool only_by_poses = false) {
@@ -285,7 +288,7 @@ Difference difference(const std::vector<Pair>& pairs, const Shares& a, const Sha
     const double d = static_cast<double>(a[i]) - static_cast<double>(b[i]);
     sums.back() += d, counts.back() += 1, sum += d, count += 1;
   }
-  if (sums.size() < kFewStretches) return {};
+  if (sums.size() < kMinStretches) return {};
   const double mean = sum / count, n = static_cast<double>(sums.size());
   double squares = 0;  // variance of a ratio of sums over clusters
   for (std::size_t i = 0; i < sums.size(); ++i) squares += std::pow(sums[i] - mean * counts[i], 2);
@@ -313,24 +316,24 @@ struct Candidate {
   double mean = 0;
   /// Number of departures from the default convention; unnamed conventions count more, since they are less likely.
   [[nodiscard]] double departures() const {
-    constexpr double kUnnamed = 0.2;
+    constexpr double kUnnamedPenalty = 0.2;
     const PoseConvention& c = convention;
     const bool is_turned = c.axes != Eigen::Matrix3d::Identity(), is_mirrored = c.axes.determinant() < 0;
-    const auto has_name = [](const PoseConvention& part) { return name_of(part).find('=') == std::string::npos; };
+    const auto has_name = [](const PoseConvention& part) { return to_string(part).find('=') == std::string::npos; };
     const bool axes_named = has_name({.axes = c.axes}), scale_named = has_name({.scale = c.scale});
     return c.quaternion_w_first + c.camera_from_world + (c.clock != 0) +
-           (is_turned ? 1 + (axes_named ? 0 : kUnnamed + is_mirrored) : 0) +
-           (c.scale != 1 ? 1 + (scale_named ? 0 : kUnnamed) : 0);
+           (is_turned ? 1 + (axes_named ? 0 : kUnnamedPenalty + is_mirrored) : 0) +
+           (c.scale != 1 ? 1 + (scale_named ? 0 : kUnnamedPenalty) : 0);
   }
   [[nodiscard]] bool is_about(const Candidate& other) const {
     const PoseConvention &c = convention, &o = other.convention;
     return c.quaternion_w_first == o.quaternion_w_first && c.camera_from_world == o.camera_from_world &&
            c.axes == o.axes && std::abs(c.clock - o.clock) < kClockStep &&
-           std::abs(std::log(c.scale / o.scale)) < std::log(kSameScale);
+           std::abs(std::log(c.scale / o.scale)) < std::log(kMaxEqualScale);
   }
 };
 
-std::vector<Eigen::Matrix3d> all_axes() {
+std::vector<Eigen::Matrix3d> signed_permutations() {
   std::vector<Eigen::Matrix3d> all;
   std::array order{0, 1, 2};
   do {
@@ -349,17 +352,17 @@ class Search {
     std::vector<PoseConvention> conventions;
     for (const bool w_first : {false, true})
       for (const bool inverse : {false, true})
-        for (const auto& axes : all_axes())
+        for (const auto& axes : signed_permutations())
           for (const double scale : kScales)
             conventions.push_back(
                 {.quaternion_w_first = w_first, .camera_from_world = inverse, .axes = axes, .scale = scale});
-    all_ = tried(conventions);
+    all_ = evaluated(conventions);
     sort();
     std::vector<PoseConvention> best;
-    for (std::size_t i = 0; i < kRefined; ++i) best.push_back(all_[i].convention);
-    add_clock({}, kMostClockAlone);
+    for (std::size_t i = 0; i < kRefinedCandidates; ++i) best.push_back(all_[i].convention);
+    add_clock({}, kMaxClockOffsetAlone);
     for (const PoseConvention& c : best) {
-      if (c != PoseConvention{}) add_clock(c, kMostClock);
+      if (c != PoseConvention{}) add_clock(c, kMaxClockOffset);
       add_scale(c);
     }
     sort();
@@ -382,7 +385,7 @@ class Search {
   }
 
  private:
-  [[nodiscard]] std::vector<Candidate> tried(const std::vector<PoseConvention>& conventions) const {
+  [[nodiscard]] std::vector<Candidate> evaluated(const std::vector<PoseConvention>& conventions) const {
     std::vector<Candidate> all(conventions.size());
     tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
       all[i] = {conventions[i], evidence_.shares(conventions[i]), 0};
@@ -394,13 +397,13 @@ class Search {
     std::stable_sort(all_.begin(), all_.end(), [](const auto& a, const auto& b) { return a.mean > b.mean; });
   }
   [[nodiscard]] Candidate best_of(const std::vector<PoseConvention>& conventions) const {
-    auto all = tried(conventions);
+    auto all = evaluated(conventions);
     return *std::max_element(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.mean < b.mean; });
   }
-  void add_clock(const PoseConvention& of, double most) {
+  void add_clock(const PoseConvention& of, double max_offset) {
     double middle = of.clock;
     Candidate best;
-    for (const auto& [step, reach] : {std::pair{kClockStep, most}, {kClockFine, kClockStep}}) {
+    for (const auto& [step, reach] : {std::pair{kClockStep, max_offset}, {kClockFine, kClockStep}}) {
       std::vector<PoseConvention> all;
       const int steps = static_cast<int>(std::lround(reach / step));
       for (int i = -steps; i <= steps; ++i) {
@@ -411,12 +414,12 @@ class Search {
       middle = best.convention.clock;
     }
     best.convention.clock = std::round(middle / kClockFine) * kClockFine;
-    if (std::abs(middle) >= kLeastClock) all_.push_back(std::move(best));
+    if (std::abs(middle) >= kMinClockOffset) all_.push_back(std::move(best));
   }
   void add_scale(const PoseConvention& of) {
     double middle = of.scale;
     Candidate best;
-    for (const auto& [step, reach] : {std::pair{std::sqrt(2), kMostScale}, {std::pow(2, 1.0 / 16), std::sqrt(2)}}) {
+    for (const auto& [step, reach] : {std::pair{std::sqrt(2), kMaxScale}, {std::pow(2, 1.0 / 16), std::sqrt(2)}}) {
       std::vector<PoseConvention> all;
       const int steps = static_cast<int>(std::lround(std::log(reach) / std::log(step)));
       for (int i = -steps; i <= steps; ++i) {
@@ -426,7 +429,7 @@ class Search {
       best = best_of(all);
       middle = best.convention.scale;
     }
-    if (std::abs(std::log(middle / of.scale)) >= std::log(kLeastScale)) all_.push_back(std::move(best));
+    if (std::abs(std::log(middle / of.scale)) >= std::log(kMinScale)) all_.push_back(std::move(best));
   }
 
   const PoseEvidence& evidence_;
@@ -437,16 +440,16 @@ class Search {
 
 std::vector<Frame> sampled_frames(Source& source) {
   const int size = source.size().value_or(0);
-  const bool is_short = size <= kAll, can_seek = source.next_timestamp().has_value();
-  const int step = is_short ? std::max(1, (size + kBursts * kInBurst - 1) / (kBursts * kInBurst)) : 1;
-  const int most = can_seek ? kBursts * kInBurst : kUnseekable;
+  const bool is_short = size <= kMaxSingleBurst, can_seek = source.next_timestamp().has_value();
+  const int step = is_short ? std::max(1, (size + kBursts * kFramesPerBurst - 1) / (kBursts * kFramesPerBurst)) : 1;
+  const int max_frames = can_seek ? kBursts * kFramesPerBurst : kMaxUnseekableFrames;
   std::vector<Frame> frames;
   double last = -INFINITY;
-  for (int at = 0, taken = 0; taken < most; ++at) {
+  for (int at = 0, taken = 0; taken < max_frames; ++at) {
     if (const auto time = source.next_timestamp()) {
-      const int burst = taken / kInBurst;
+      const int burst = taken / kFramesPerBurst;
       const bool is_before = at < static_cast<int>(static_cast<std::int64_t>(size) * burst / kBursts);
-      if (is_short ? at % step != 0 : is_before || (taken % kInBurst != 0 && *time < last + kSpacing)) {
+      if (is_short ? at % step != 0 : is_before || (taken % kFramesPerBurst != 0 && *time < last + kMinFrameInterval)) {
         source.skip();
         continue;
       }
@@ -455,7 +458,7 @@ std::vector<Frame> sampled_frames(Source& source) {
     auto frame = source.next();
     if (!frame) break;
     ++taken;
-    frame->colour.clear();
+    frame->color.clear();
     frames.push_back(std::move(*frame));
   }
   return frames;
@@ -466,10 +469,10 @@ PoseCheck check_poses(const Rig& rig, const std::vector<Frame>& frames, const Tr
   const auto& pairs = evidence.pairs();
   const Shares given = evidence.shares({}), motionless = evidence.motionless();
   const Difference moved = difference(pairs, motionless, given);
-  if (moved.pairs < kFewPairs) return {};
+  if (moved.pairs < kMinPairs) return {};
   PoseCheck check{.pairs = moved.pairs, .as_given = mean_of(given), .motionless = mean_of(motionless)};
   check.explained = check.as_given;
-  if (check.as_given > 1 - kClear) return check;  // a clear improvement is impossible
+  if (check.as_given > 1 - kMinClearDifference) return check;  // a clear improvement is impossible
   const Search search(evidence);
   const Candidate& likely = search.likely();
   check.explained = likely.mean;
@@ -478,29 +481,30 @@ PoseCheck check_poses(const Rig& rig, const std::vector<Frame>& frames, const Tr
   check.is_only = check.is_likely && !search.has_rival(likely);
   // Poses with motion must explain more than a motionless camera.
   const Difference gained = difference(pairs, given, motionless, true);
-  const bool is_in_vain = gained.pairs >= kFewPairs && check.as_given < kUnexplained && gained.mean < kSame;
-  check.contradicts = check.is_likely || moved.is_clear() || is_in_vain;
+  const bool gains_nothing =
+      gained.pairs >= kMinPairs && check.as_given < kMinExplained && gained.mean < kMaxEqualDifference;
+  check.contradicts = check.is_likely || moved.is_clear() || gains_nothing;
   return check;
 }
 
-std::string text_of(const PoseCheck& check, std::string_view option) {
+std::string to_string(const PoseCheck& check, std::string_view option) {
   if (!check.contradicts) return {};
-  const std::string seen = fmt::format(
-      "{}: the poses contradict the depth of frames that follow each other: {:.0f} % of "
-      "the points are where the poses say",
+  const std::string finding = fmt::format(
+      "{}: the poses contradict the depth images: {:.0f} % of the points agree between "
+      "consecutive images",
       option, 100 * check.as_given);
-  const std::string name = name_of(check.likely);
+  const std::string name = to_string(check.likely);
   if (!check.is_likely)
-    return seen + fmt::format(
-                      ", {:.0f} % if the camera had not moved; no usual convention explains it: are the poses of "
-                      "this recording, and their times of its clock?",
-                      100 * check.motionless);
+    return finding +
+           fmt::format(
+               ", {:.0f} % with a static camera; no known pose convention explains it: do the poses belong to "
+               "this recording, with times of its clock?",
+               100 * check.motionless);
   const bool is_scaled = check.likely.scale != 1;
-  return seen + fmt::format(", {:.0f} % if they are meant as {}: {}{}", 100 * check.explained, name,
-                            check.is_only
-                                ? "give --poses-convention " + name
-                                : "this or another convention, the frames cannot decide: see how they were written",
-                            is_scaled ? ", or check depth_scale of the camera" : "");
+  return finding + fmt::format(", {:.0f} % with the convention {}: {}{}", 100 * check.explained, name,
+                               check.is_only ? "give --poses-convention " + name
+                                             : "other conventions fit as well, so check how the poses were written",
+                               is_scaled ? ", or check depth_scale of the camera" : "");
 }
 
 }  // namespace cairn

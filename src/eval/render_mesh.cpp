@@ -7,23 +7,23 @@
 #include <cmath>
 #include <limits>
 
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr float kNear = 0.05f;  // meters
-constexpr int kBand = 32;       // rows per thread
+constexpr float kNearPlane = 0.05f;  // meters
+constexpr int kRowsPerBand = 32;     // rows per thread
 
 /// Vertex with the attributes interpolated over z.
 struct Corner {
   Eigen::Vector3f point;  // camera frame
-  Eigen::Vector3f colour;
+  Eigen::Vector3f color;
   Eigen::Vector2f texture_coordinates;
 };
 
 Corner between(const Corner& a, const Corner& b, float t) {
-  return {a.point + t * (b.point - a.point), a.colour + t * (b.colour - a.colour),
+  return {a.point + t * (b.point - a.point), a.color + t * (b.color - a.color),
           a.texture_coordinates + t * (b.texture_coordinates - a.texture_coordinates)};
 }
 
@@ -32,10 +32,10 @@ std::vector<Corner> clipped(const std::array<Corner, 3>& triangle) {
   std::vector<Corner> polygon;
   for (std::size_t k = 0; k < 3; ++k) {
     const Corner &a = triangle[k], &b = triangle[(k + 1) % 3];
-    const bool in = a.point.z() >= kNear;
+    const bool in = a.point.z() >= kNearPlane;
     if (in) polygon.push_back(a);
-    if (in != (b.point.z() >= kNear))
-      polygon.push_back(between(a, b, (kNear - a.point.z()) / (b.point.z() - a.point.z())));
+    if (in != (b.point.z() >= kNearPlane))
+      polygon.push_back(between(a, b, (kNearPlane - a.point.z()) / (b.point.z() - a.point.z())));
   }
   return polygon;
 }
@@ -84,13 +84,13 @@ Corner corner_of(const Mesh& mesh, std::uint32_t v, bool is_textured, const Eige
   Corner c;
   c.point = camera_from_world * mesh.positions[v];
   c.texture_coordinates = is_textured ? mesh.texture_coordinates[v] : Eigen::Vector2f::Zero();
-  if (!mesh.colours.empty())
-    c.colour = Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
+  if (!mesh.colors.empty())
+    c.color = Eigen::Vector3f(mesh.colors[v][0], mesh.colors[v][1], mesh.colors[v][2]);
   else if (!mesh.normals.empty())
-    c.colour = Eigen::Vector3f::Constant(
+    c.color = Eigen::Vector3f::Constant(
         60 + 180 * std::abs((camera_from_world.linear() * mesh.normals[v]).dot(c.point.normalized())));
   else
-    c.colour = Eigen::Vector3f::Constant(180);
+    c.color = Eigen::Vector3f::Constant(180);
   return c;
 }
 
@@ -126,10 +126,10 @@ void project(const Mesh& mesh, const Eigen::Isometry3f& camera_from_world, const
 
 /// Triangle indices per band of rows.
 std::vector<std::vector<std::uint32_t>> triangles_by_band(const std::vector<Projected>& triangles, int height) {
-  std::vector<std::vector<std::uint32_t>> bands(static_cast<std::size_t>((height + kBand - 1) / kBand));
+  std::vector<std::vector<std::uint32_t>> bands(static_cast<std::size_t>((height + kRowsPerBand - 1) / kRowsPerBand));
   for (std::uint32_t i = 0; i < triangles.size(); ++i) {
-    const int first = std::max(0, static_cast<int>(triangles[i].low_y) / kBand),
-              last = std::min(static_cast<int>(bands.size()) - 1, static_cast<int>(triangles[i].high_y) / kBand);
+    const int first = std::max(0, static_cast<int>(triangles[i].low_y) / kRowsPerBand),
+              last = std::min(static_cast<int>(bands.size()) - 1, static_cast<int>(triangles[i].high_y) / kRowsPerBand);
     for (int b = first; b <= last; ++b) bands[static_cast<std::size_t>(b)].push_back(i);
   }
   return bands;
@@ -139,7 +139,7 @@ std::vector<std::vector<std::uint32_t>> triangles_by_band(const std::vector<Proj
 struct Samples {
   int width, height;
   std::vector<float> inverse_z;  // 0: empty
-  std::vector<Eigen::Vector3f> colour;
+  std::vector<Eigen::Vector3f> color;
 
   [[nodiscard]] std::size_t index(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
@@ -169,10 +169,10 @@ void draw(const Projected& d, int first, int last, Samples& samples) {
       samples.inverse_z[at] = inverse;
       const float pu = u * d.inverse_z[0] / inverse, pv = v * d.inverse_z[1] / inverse, pw = 1 - pu - pv;
       const auto& [a, b, c] = d.corner;
-      samples.colour[at] = d.texture != nullptr
-                               ? bilinear(*d.texture, pu * a.texture_coordinates + pv * b.texture_coordinates +
-                                                          pw * c.texture_coordinates)
-                               : Eigen::Vector3f(pu * a.colour + pv * b.colour + pw * c.colour);
+      samples.color[at] = d.texture != nullptr
+                              ? bilinear(*d.texture, pu * a.texture_coordinates + pv * b.texture_coordinates +
+                                                         pw * c.texture_coordinates)
+                              : Eigen::Vector3f(pu * a.color + pv * b.color + pw * c.color);
     }
 }
 
@@ -189,7 +189,7 @@ RenderedView resolve(const Samples& samples, const Camera& camera, int per_side)
           const std::size_t at = samples.index(x * per_side + i, y * per_side + j);
           if (samples.inverse_z[at] <= 0) continue;
           if (z == 0) z = 1 / samples.inverse_z[at];
-          sum += samples.colour[at];
+          sum += samples.color[at];
           ++hit;
         }
       view.depth.push_back(z);
@@ -198,7 +198,7 @@ RenderedView resolve(const Samples& samples, const Camera& camera, int per_side)
         for (int c = 0; c < 3; ++c)
           word |= static_cast<std::uint32_t>(std::clamp(std::lround(sum[c] / static_cast<float>(hit)), 0l, 255l))
                   << (8 * c);
-      view.colour.push_back(word);
+      view.color.push_back(word);
     }
   return view;
 }
@@ -212,12 +212,12 @@ RenderedView render_mesh(const std::vector<Mesh>& parts, const Camera& camera,
   std::vector<Projected> triangles;
   for (const Mesh& mesh : parts) project(mesh, camera_from_world, sampled, triangles);
   const auto bands = triangles_by_band(triangles, sampled.height);
-  Samples drawn{.width = sampled.width, .height = sampled.height, .inverse_z = {}, .colour = {}};
+  Samples drawn{.width = sampled.width, .height = sampled.height, .inverse_z = {}, .color = {}};
   drawn.inverse_z.resize(drawn.index(0, sampled.height), 0);
-  drawn.colour.resize(drawn.inverse_z.size(), Eigen::Vector3f::Zero());
+  drawn.color.resize(drawn.inverse_z.size(), Eigen::Vector3f::Zero());
   tbb::parallel_for(std::size_t{0}, bands.size(), [&](std::size_t b) {
-    const int first = static_cast<int>(b) * kBand;
-    for (const std::uint32_t i : bands[b]) draw(triangles[i], first, first + kBand - 1, drawn);
+    const int first = static_cast<int>(b) * kRowsPerBand;
+    for (const std::uint32_t i : bands[b]) draw(triangles[i], first, first + kRowsPerBand - 1, drawn);
   });
   return resolve(drawn, camera, samples);
 }

@@ -10,17 +10,17 @@ namespace cairn {
 namespace {
 
 /// Share of the tracker's limits (MotionOptions): hand motion remains below, slipped tracking does not.
-constexpr double kPlausible = 0.75;
+constexpr double kLimitRatio = 0.75;
 
-void raise(Speeds::Peak& peak, double value, double limit, double timestamp) {
+void update_peak(Speeds::Peak& peak, double value, double limit, double timestamp) {
   peak.steps += value > limit;
   if (value > peak.value) peak.value = value, peak.timestamp = timestamp;
 }
 
 }  // namespace
 
-double Speeds::speed_limit() const { return kPlausible * static_cast<double>(motion_.max_speed); }
-double Speeds::turn_limit() const { return kPlausible * static_cast<double>(motion_.max_turn); }
+double Speeds::speed_limit() const { return kLimitRatio * static_cast<double>(motion_.max_speed); }
+double Speeds::turn_limit() const { return kLimitRatio * static_cast<double>(motion_.max_turn); }
 
 void Speeds::add(const FrameReport& report, bool has_pose, double interval) {
   if (!has_pose || !report.tracked_from_camera || report.cause == FrameCause::new_component) last_.reset();
@@ -28,8 +28,8 @@ void Speeds::add(const FrameReport& report, bool has_pose, double interval) {
   const double seconds = last_ ? std::max(report.timestamp - last_->timestamp, interval) : 0;
   if (seconds > 0) {
     const Eigen::Isometry3d step = last_->tracked_from_camera.inverse() * *report.tracked_from_camera;
-    raise(speed_, step.translation().norm() / seconds, speed_limit(), report.timestamp);
-    raise(turn_, Eigen::AngleAxisd(step.linear()).angle() / seconds, turn_limit(), report.timestamp);
+    update_peak(speed_, step.translation().norm() / seconds, speed_limit(), report.timestamp);
+    update_peak(turn_, Eigen::AngleAxisd(step.linear()).angle() / seconds, turn_limit(), report.timestamp);
     ++steps_;
   }
   last_ = Last{report.timestamp, *report.tracked_from_camera};

@@ -4,8 +4,8 @@
 #include <iosfwd>
 #include <optional>
 
-#include "cairn/options.hpp"
-#include "cairn/reports.hpp"
+#include "cairn/mapping/options.hpp"
+#include "cairn/mapping/reports.hpp"
 
 namespace cairn {
 

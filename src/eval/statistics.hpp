@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 
 namespace cairn {
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <tuple>
 
-#include "cairn/evaluation.hpp"
+#include "cairn/eval/evaluation.hpp"
 #include "eval/statistics.hpp"
 
 namespace cairn {
@@ -52,7 +52,8 @@ TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory
                                     double max_time_difference) {
   for (const double seconds : {rpe_interval, max_time_difference})
     if (!(seconds > 0 && std::isfinite(seconds)))
-      throw std::runtime_error(std::to_string(seconds) + " is no time between poses: seconds are wanted, more than 0");
+      throw std::runtime_error(std::to_string(seconds) +
+                               " s is not a valid time between poses: it must be more than 0");
   const auto pairs = associate(estimate, truth, max_time_difference);
   if (pairs.size() < 3)
     throw std::runtime_error("only " + std::to_string(pairs.size()) + " of " + std::to_string(estimate.size()) +
@@ -86,9 +87,9 @@ TrajectoryError evaluate_trajectory(const Trajectory& estimate, const Trajectory
     if (std::abs(truth[a].timestamp - estimate[i].timestamp) > max_gap ||
         std::abs(truth[b].timestamp - estimate[j].timestamp) > max_gap)
       continue;
-    const Eigen::Isometry3d moved = estimate[i].world_from_camera.inverse() * estimate[j].world_from_camera;
-    const Eigen::Isometry3d should = truth[a].world_from_camera.inverse() * truth[b].world_from_camera;
-    const Eigen::Isometry3d difference = moved * should.inverse();
+    const Eigen::Isometry3d estimated_motion = estimate[i].world_from_camera.inverse() * estimate[j].world_from_camera;
+    const Eigen::Isometry3d true_motion = truth[a].world_from_camera.inverse() * truth[b].world_from_camera;
+    const Eigen::Isometry3d difference = estimated_motion * true_motion.inverse();
     translations.push_back(difference.translation().norm());
     rotations.push_back(Eigen::AngleAxisd(difference.linear()).angle());
   }
@@ -108,7 +109,7 @@ Eigen::Isometry3d estimate_from_truth(const Trajectory& estimate, const Trajecto
     rotation += rotation.dot(q) < 0 ? Eigen::Vector4d(-q) : q;
     positions.emplace_back(pose.world_from_camera.translation(), exact->translation());
   }
-  if (positions.empty()) throw std::runtime_error("no pose of the estimate has a true one at its time");
+  if (positions.empty()) throw std::runtime_error("no pose of the estimate has a true pose at its time");
   Eigen::Isometry3d move = Eigen::Isometry3d::Identity();
   move.linear() = Eigen::Quaterniond(rotation.normalized()).toRotationMatrix();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();

@@ -11,35 +11,35 @@
 namespace cairn {
 namespace {
 
-constexpr float kAgrees = 0.05f;  // meters between surface and measurement
+constexpr float kMaxDepthDifference = 0.05f;  // meters between surface and measurement
 
 /// Undistorts a frame: nearest depth, interpolated color.
 Frame rectified(const Frame& frame, const Camera& camera) {
-  Frame straight{.depth = std::vector<float>(frame.depth.size()),
-                 .colour = std::vector<std::uint32_t>(frame.colour.size())};
+  Frame undistorted{.depth = std::vector<float>(frame.depth.size()),
+                    .color = std::vector<std::uint32_t>(frame.color.size())};
   const auto at = [&](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(x);
   };
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector2d bent = camera.distort(camera.ray(x, y).head<2>());
-      const double u = camera.fx * bent.x() + camera.cx, v = camera.fy * bent.y() + camera.cy;
+      const Eigen::Vector2d distorted = camera.distort(camera.ray(x, y).head<2>());
+      const double u = camera.fx * distorted.x() + camera.cx, v = camera.fy * distorted.y() + camera.cy;
       if (!(u >= 0 && v >= 0 && u < camera.width - 1 && v < camera.height - 1)) continue;
-      straight.depth[at(x, y)] = frame.depth[at(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)))];
-      if (frame.colour.empty()) continue;
+      undistorted.depth[at(x, y)] = frame.depth[at(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v)))];
+      if (frame.color.empty()) continue;
       const int left = static_cast<int>(u), top = static_cast<int>(v);
       const double a = u - left, b = v - top;
-      std::uint32_t& word = straight.colour[at(x, y)] = 0xff000000u;
+      std::uint32_t& word = undistorted.color[at(x, y)] = 0xff000000u;
       for (int c = 0; c < 24; c += 8) {
         const auto level = [&](int i, int j) {
-          return static_cast<double>(frame.colour[at(left + i, top + j)] >> c & 255);
+          return static_cast<double>(frame.color[at(left + i, top + j)] >> c & 255);
         };
         const double mean =
             (1 - b) * ((1 - a) * level(0, 0) + a * level(1, 0)) + b * ((1 - a) * level(0, 1) + a * level(1, 1));
         word |= static_cast<std::uint32_t>(std::lround(mean)) << c;
       }
     }
-  return straight;
+  return undistorted;
 }
 
 Frame without_lens(Frame frame, const Camera& camera) {
@@ -62,7 +62,7 @@ class Rows {
   }
   /// Corrects a measured pixel for the rolling shutter: pixel (x, y) and depth z at the image's time; nullopt outside
   /// the image.
-  [[nodiscard]] std::optional<Eigen::Vector3d> at_once(std::size_t pixel, float z) const {
+  [[nodiscard]] std::optional<Eigen::Vector3d> at_image_time(std::size_t pixel, float z) const {
     const auto x = static_cast<int>(pixel % static_cast<std::size_t>(camera_.width)),
                y = static_cast<int>(pixel / static_cast<std::size_t>(camera_.width));
     if (camera_.readout == 0) return Eigen::Vector3d(x, y, static_cast<double>(z));
@@ -86,7 +86,7 @@ std::size_t nearest(const Camera& camera, const Eigen::Vector2d& pixel) {
 }
 
 /// R, G and B, interpolated between four pixels.
-Eigen::Vector3d colour_at(const std::vector<std::uint32_t>& image, const Camera& camera, const Eigen::Vector2d& pixel) {
+Eigen::Vector3d color_at(const std::vector<std::uint32_t>& image, const Camera& camera, const Eigen::Vector2d& pixel) {
   const int x = std::min(static_cast<int>(pixel.x()), camera.width - 2),
             y = std::min(static_cast<int>(pixel.y()), camera.height - 2);
   const double u = pixel.x() - x, v = pixel.y() - y;
@@ -102,40 +102,40 @@ Eigen::Vector3d colour_at(const std::vector<std::uint32_t>& image, const Camera&
 }  // namespace
 
 ViewComparison::ViewComparison(const std::vector<Mesh>& parts, const Rig& rig)
-    : parts_(parts), rig_(rig), in_colour_(rig) {}
+    : parts_(parts), rig_(rig), in_color_(rig) {}
 
 std::vector<ViewComparison::Pixel> ViewComparison::compare_depth(const Frame& frame,
                                                                  const Eigen::Isometry3d& world_from_camera,
                                                                  const Vector6d& velocity) const {
   const Camera& camera = rig_.depth;
-  const std::vector<float> drawn = render_mesh(parts_, camera, world_from_camera, 1).depth;
+  const std::vector<float> rendered = render_mesh(parts_, camera, world_from_camera, 1).depth;
   const Rows rows(camera, velocity);
   std::vector<Pixel> pixels;
-  for (const Frame straight = without_lens({.depth = frame.depth, .colour = {}}, camera);
-       const auto& [p, z] : measured_in(straight))
-    if (const auto at = rows.at_once(p, z))
-      pixels.push_back({static_cast<float>(at->z()), drawn[nearest(camera, at->head<2>())]});
+  for (const Frame undistorted = without_lens({.depth = frame.depth, .color = {}}, camera);
+       const auto& [p, z] : measured_in(undistorted))
+    if (const auto at = rows.at_image_time(p, z))
+      pixels.push_back({static_cast<float>(at->z()), rendered[nearest(camera, at->head<2>())]});
   return pixels;
 }
 
-void ViewComparison::compare_colour(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity) {
-  const Camera& camera = rig_.colour_view();
-  const Eigen::Isometry3d depth_from_colour = rig_.depth_from_colour();
-  const RenderedView view = render_mesh(parts_, camera, world_from_camera * depth_from_colour);
-  const Vector6d of_colour = adjoint(depth_from_colour.inverse()) * velocity;
-  const Rows rows(camera, of_colour);
-  frame = without_lens(in_colour_(std::move(frame)), camera);
+void ViewComparison::compare_color(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity) {
+  const Camera& camera = rig_.color_view();
+  const Eigen::Isometry3d depth_from_color = rig_.depth_from_color();
+  const RenderedView view = render_mesh(parts_, camera, world_from_camera * depth_from_color);
+  const Vector6d of_color = adjoint(depth_from_color.inverse()) * velocity;
+  const Rows rows(camera, of_color);
+  frame = without_lens(in_color_(std::move(frame)), camera);
   for (const auto& [p, z] : measured_in(frame)) {
     ++measured_;
-    const auto at = rows.at_once(p, z);
+    const auto at = rows.at_image_time(p, z);
     if (!at) continue;
-    const float drawn = view.depth[nearest(camera, at->head<2>())];
-    if (drawn == 0 || std::abs(drawn - static_cast<float>(at->z())) > kAgrees) continue;
+    const float rendered = view.depth[nearest(camera, at->head<2>())];
+    if (rendered == 0 || std::abs(rendered - static_cast<float>(at->z())) > kMaxDepthDifference) continue;
     ++compared_;
-    const Eigen::Vector3d colour = colour_at(view.colour, camera, at->head<2>());
+    const Eigen::Vector3d color = color_at(view.color, camera, at->head<2>());
     for (int c = 0; c < 3; ++c) {
-      const double off = colour[c] - static_cast<double>(frame.colour[p] >> (8 * c) & 255);
-      squared_ += off * off;
+      const double error = color[c] - static_cast<double>(frame.color[p] >> (8 * c) & 255);
+      squared_ += error * error;
     }
   }
 }
@@ -154,14 +154,14 @@ ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
   ViewError error;
   ViewComparison views(parts, recording.rig());
   for (int i = 0; auto frame = recording.next(); ++i) {
-    if (i % step != 0 || !frame->world_from_camera || frame->colour.empty() || frame->problem) continue;
+    if (i % step != 0 || !frame->world_from_camera || frame->color.empty() || frame->problem) continue;
     const Eigen::Isometry3d pose = world_from_recording * *frame->world_from_camera;
-    views.compare_colour(std::move(*frame), pose, Vector6d::Zero());
+    views.compare_color(std::move(*frame), pose, Vector6d::Zero());
     ++error.frames;
   }
   if (!views.has_compared())
     throw std::runtime_error(
-        "no picture of the recording shows the mesh: it needs colour images and their poses in the "
+        "no image of the recording shows the mesh: the recording needs color images with poses in the "
         "mesh's frame");
   error.psnr = views.psnr();
   error.covered = views.covered();

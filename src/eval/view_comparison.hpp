@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <vector>
 
-#include "base/colour_view.hpp"
-#include "cairn/evaluation.hpp"
-#include "cairn/pose.hpp"
+#include "cairn/eval/evaluation.hpp"
+#include "cairn/mapping/pose.hpp"
+#include "geometry/color_view.hpp"
 
 namespace cairn {
 
@@ -23,7 +23,7 @@ class ViewComparison {
   [[nodiscard]] std::vector<Pixel> compare_depth(const Frame& frame, const Eigen::Isometry3d& world_from_camera,
                                                  const Vector6d& velocity) const;
   /// Accumulates the color error over the pixels where the mesh agrees with the measured depth.
-  void compare_colour(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity);
+  void compare_color(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity);
   /// dB over all compared pixels; 0 without any.
   [[nodiscard]] double psnr() const;
   /// Share of the measured pixels that were compared.
@@ -33,7 +33,7 @@ class ViewComparison {
  private:
   const std::vector<Mesh>& parts_;
   Rig rig_;
-  ColourView in_colour_;
+  ColorView in_color_;
   double squared_ = 0;
   std::size_t compared_ = 0, measured_ = 0;
 };

@@ -9,12 +9,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kAcross = 160;             // samples per row
-constexpr double kMostShift = 0.6;       // of the image
-constexpr double kCommon = 0.6;          // limit for views of the same place, share of the variation
-constexpr double kFlat = 0.04;           // of a profile's mean; a lower variation is not informative
-constexpr double kClearlyBetter = 0.75;  // maximum cost of a shift relative to no shift
-constexpr int kFine = 1, kCoarse = 4;    // pixel distances for brightness differences
+constexpr int kMaxSamples = 160;           // samples per row
+constexpr double kMaxShift = 0.6;          // of the image
+constexpr double kMaxDissimilarity = 0.6;  // limit for views of the same place, share of the variation
+constexpr double kMinVariation = 0.04;     // of a profile's mean; a lower variation is not informative
+constexpr double kMaxCostRatio = 0.75;     // maximum cost of a shift relative to no shift
+constexpr int kFine = 1, kCoarse = 4;      // pixel distances for brightness differences
 
 std::size_t pixels_of(const Camera& c) {
   return static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
@@ -26,8 +26,8 @@ float brightness_of(std::uint32_t rgba) {
 
 /// Averages `at(x, y)` over columns and rows.
 template <class At>
-void add_up(const Camera& camera, const At& at, ViewProfile& profile) {
-  const int step = std::max(1, camera.width / kAcross), columns = camera.width / step, rows = camera.height / step;
+void average(const Camera& camera, const At& at, ViewProfile& profile) {
+  const int step = std::max(1, camera.width / kMaxSamples), columns = camera.width / step, rows = camera.height / step;
   profile.columns.assign(static_cast<std::size_t>(columns), 0.0f);
   profile.rows.assign(static_cast<std::size_t>(rows), 0.0f);
   for (int y = 0; y < rows; ++y)
@@ -38,11 +38,11 @@ void add_up(const Camera& camera, const At& at, ViewProfile& profile) {
     }
 }
 
-double sharpness_of(const std::vector<std::uint32_t>& colour, const Camera& camera) {
-  constexpr int kEveryRow = 8;
+double sharpness_of(const std::vector<std::uint32_t>& color, const Camera& camera) {
+  constexpr int kRowStride = 8;
   double fine = 0, coarse = 0;
-  for (int y = 0; y < camera.height; y += kEveryRow) {
-    const std::uint32_t* row = &colour[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width)];
+  for (int y = 0; y < camera.height; y += kRowStride) {
+    const std::uint32_t* row = &color[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width)];
     for (int x = 0; x + kCoarse < camera.width; ++x) {
       const float here = brightness_of(row[x]);
       fine += static_cast<double>(std::abs(brightness_of(row[x + kFine]) - here));
@@ -59,7 +59,7 @@ double mean_of(const std::vector<float>& values) {
 /// Shift of `now` against `before` in samples; the number of samples if no shift fits; nullopt for a flat profile.
 std::optional<int> shift_between(const std::vector<float>& before, const std::vector<float>& now) {
   if (before.size() != now.size() || now.empty()) return std::nullopt;
-  const int n = static_cast<int>(now.size()), most = static_cast<int>(kMostShift * n);
+  const int n = static_cast<int>(now.size()), max_shift = static_cast<int>(kMaxShift * n);
   const double mean_before = mean_of(before), mean_now = mean_of(now);
   double variation = 0;
   for (const float v : now) variation += std::abs(static_cast<double>(v) - mean_now) / n;
@@ -72,13 +72,13 @@ std::optional<int> shift_between(const std::vector<float>& before, const std::ve
     return sum / (end - begin);
   };
   int best = 0;
-  double least = cost(0);
-  const double still = least;
-  for (int shift = -most; shift <= most; ++shift)
-    if (const double c = cost(shift); c < least) least = c, best = shift;
-  if (variation < kFlat * mean_now) return std::nullopt;
-  if (least > kCommon * variation) return n;
-  return least < kClearlyBetter * still ? best : 0;
+  double min_cost = cost(0);
+  const double cost_at_rest = min_cost;
+  for (int shift = -max_shift; shift <= max_shift; ++shift)
+    if (const double c = cost(shift); c < min_cost) min_cost = c, best = shift;
+  if (variation < kMinVariation * mean_now) return std::nullopt;
+  if (min_cost > kMaxDissimilarity * variation) return n;
+  return min_cost < kMaxCostRatio * cost_at_rest ? best : 0;
 }
 
 }  // namespace
@@ -87,18 +87,18 @@ double ViewStep::length() const { return std::hypot(right, down); }
 
 ViewProfile profile_of(const Frame& frame, const Rig& rig) {
   ViewProfile profile;
-  if (const Camera& camera = rig.colour_view(); frame.colour.size() == pixels_of(camera)) {
-    add_up(
+  if (const Camera& camera = rig.color_view(); frame.color.size() == pixels_of(camera)) {
+    average(
         camera,
         [&](int x, int y) {
-          return brightness_of(frame.colour[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
-                                            static_cast<std::size_t>(x)]);
+          return brightness_of(frame.color[static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
+                                           static_cast<std::size_t>(x)]);
         },
         profile);
     profile.brightness = mean_of(profile.columns);
-    profile.sharpness = sharpness_of(frame.colour, camera);
+    profile.sharpness = sharpness_of(frame.color, camera);
   } else if (frame.depth.size() == pixels_of(rig.depth)) {
-    add_up(
+    average(
         rig.depth,
         [&](int x, int y) {
           return frame.depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(rig.depth.width) +

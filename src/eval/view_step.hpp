@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/frame.hpp"
+#include "cairn/mapping/frame.hpp"
 
 namespace cairn {
 

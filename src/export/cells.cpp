@@ -8,8 +8,8 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kOneNode = 32768;          // bricks: smaller maps are not divided into cells by default
-constexpr int kUsualCell = 64, kUsualTile = 32;  // bricks a side
+constexpr std::size_t kMaxSingleCell = 32768;         // bricks: smaller maps are not divided into cells by default
+constexpr int kDefaultCellSide = 64, kTileSide = 32;  // bricks a side
 
 }  // namespace
 
@@ -19,13 +19,13 @@ int Cells::margin(const CleanOptions& clean, float brick_size) {
 
 Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options,
              const std::optional<Brick>& block) {
-  static_assert(kBlockSide == kUsualTile << kBlockLevels);
+  static_assert(kBlockSide == kTileSide << kBlockLevels);
   if (block)
-    side_ = kUsualTile;
+    side_ = kTileSide;
   else if (options.cell_size > 0)
     side_ = std::max(4, static_cast<int>(std::lround(options.cell_size / brick_size)));
-  else if (as_tiles || bricks.size() > kOneNode)
-    side_ = as_tiles ? kUsualTile : kUsualCell;
+  else if (as_tiles || bricks.size() > kMaxSingleCell)
+    side_ = as_tiles ? kTileSide : kDefaultCellSide;
   if (side_ == 0) {
     cells_[{0, 0, 0}] = bricks;
     return;
@@ -39,7 +39,7 @@ Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, 
 }
 
 std::vector<Brick> Cells::around(const Key& cell) const {
-  if (is_whole()) return cells_.at(cell);
+  if (is_single()) return cells_.at(cell);
   std::vector<Brick> bricks;
   const Brick low = (brick(cell) + origin_) * side_ - Brick::Constant(margin_),
               high = (brick(cell) + origin_ + Brick::Ones()) * side_ + Brick::Constant(margin_);

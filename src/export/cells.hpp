@@ -8,8 +8,8 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/export.hpp"
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/export.hpp"
+#include "cairn/mapping/mesh.hpp"
 #include "volume/volume.hpp"
 
 namespace cairn {
@@ -33,7 +33,7 @@ class Cells {
   [[nodiscard]] static int margin(const CleanOptions& clean, float brick_size);
 
   /// True if a single cell has all bricks.
-  [[nodiscard]] bool is_whole() const { return side_ == 0; }
+  [[nodiscard]] bool is_single() const { return side_ == 0; }
   /// Non-empty cells with their bricks.
   [[nodiscard]] const std::map<Key, std::vector<Brick>>& all() const { return cells_; }
   /// Bricks of a cell and of its neighborhood, so that decisions at a border are the same on both sides.
@@ -41,7 +41,7 @@ class Cells {
   /// Cell of a triangle.
   [[nodiscard]] Brick owner(const Mesh& mesh, const std::array<std::uint32_t, 3>& triangle) const;
   [[nodiscard]] bool is_own(const Mesh& mesh, const std::array<std::uint32_t, 3>& triangle, const Key& cell) const {
-    return is_whole() || key(owner(mesh, triangle)) == cell;
+    return is_single() || key(owner(mesh, triangle)) == cell;
   }
 
   [[nodiscard]] static Key key(const Brick& b) { return {b.x(), b.y(), b.z()}; }

@@ -3,15 +3,15 @@
 #pragma once
 #include <string>
 
-#include "cairn/change.hpp"
-#include "export/map_parts.hpp"
+#include "cairn/building/change.hpp"
+#include "export/map_chunks.hpp"
 
 namespace cairn {
 
 /// One of two maps in the same frame.
 struct ChangeSide {
   std::string name;  // for messages
-  const MapParts& map;
+  const MapChunks& map;
 };
 
 void check(const ChangeOptions& options, const std::filesystem::path& file);

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "cairn/file_name.hpp"
+#include "base/file_name.hpp"
 #include "export/check_range.hpp"
 #include "export/export_run.hpp"
 
@@ -21,7 +21,7 @@ struct Named {
   std::string_view name;
   AllowedRange range;
 };
-constexpr double kDeepest = -12000, kHighest = 1e6;  // meters
+constexpr double kMinHeight = -12000, kMaxHeight = 1e6;  // meters
 constexpr Named kRanges[] = {
     {"ViewsOptions::images", {0, 1e6}},
     {"ViewsOptions::point_spacing", {0.001, 10}},
@@ -39,7 +39,7 @@ constexpr Named kRanges[] = {
     {"ExportOptions::levels", {1, 8}},
     {"ExportOptions::geo: the latitude", {-90, 90}},
     {"ExportOptions::geo: the longitude", {-180, 180}},
-    {"ExportOptions::geo: the height", {kDeepest, kHighest}},
+    {"ExportOptions::geo: the height", {kMinHeight, kMaxHeight}},
     {"ExportOptions::geo: the heading", {-360, 360}},
     {"PlanOptions::height", {0.3, 3}},
     {"PlanOptions::scale", {0, 5000}},
@@ -66,7 +66,7 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
   if (extension != ".glb" && extension != ".gltf" && extension != ".ply" && extension != ".obj" &&
       extension != ".stl" && extension != ".json")
     throw std::runtime_error(
-        fmt::format("{}: '{}' is no format that is written; use .glb, .gltf, .ply, .obj, .stl, or "
+        fmt::format("{}: '{}' is not a supported output format; use .glb, .gltf, .ply, .obj, .stl, or "
                     "tileset.json for 3D Tiles",
                     file.string(), file.extension().string()));
   check_range("SimplifyOptions::ratio", o.simplify.ratio);
@@ -92,7 +92,7 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
     throw std::runtime_error(fmt::format("{}: {} {}", file.string(), what, why));
   };
   if (o.texture.enabled && (extension == ".ply" || extension == ".stl"))
-    refuse("TextureOptions::enabled", "needs .glb, .gltf, .obj or tileset.json: PLY and STL have none");
+    refuse("TextureOptions::enabled", "needs .glb, .gltf, .obj or tileset.json: PLY and STL have no textures");
   if (o.point_spacing > 0 && extension != ".ply") refuse("ExportOptions::point_spacing", "needs .ply");
   if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
     refuse("ExportOptions::compression", "needs .glb, .gltf or tileset.json");
@@ -107,7 +107,7 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
     check_range("ExportOptions::geo: the heading", o.geo->heading);
   }
   if (is_tileset(file) && o.axes != Axes::automatic && o.axes != Axes::z_up)
-    refuse("ExportOptions::axes", "is zup for 3D Tiles, which have no other");
+    refuse("ExportOptions::axes", "must be zup for 3D Tiles");
   if (o.levels > 1 && (is_tileset(file) || o.point_spacing > 0))
     refuse("ExportOptions::levels", "needs a single mesh file: tiles have levels anyway");
 }

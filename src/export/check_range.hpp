@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <type_traits>
 
-#include "cairn/option_ranges.hpp"
+#include "options/option_ranges.hpp"
 
 namespace cairn {
 
@@ -22,7 +22,7 @@ void check_range(const char* option, T value) {
   }();
   if (!allowed.has(compared))
     throw std::runtime_error(
-        fmt::format("{} is {}: it must be between {} and {}", option, value, allowed.least, allowed.most));
+        fmt::format("{} is {}: it must be between {} and {}", option, value, allowed.min, allowed.max));
 }
 
 }  // namespace cairn

@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 
+#include "base/atomic_file.hpp"
 #include "base/image_file.hpp"
-#include "cairn/atomic_file.hpp"
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 #include "export/views.hpp"
+#include "geometry/encode_frame.hpp"
 
 namespace cairn {
 namespace {
@@ -20,7 +21,7 @@ class ColmapWriter final : public LayoutWriter {
   }
   void add(const Frame& frame) override {
     const std::string name = fmt::format("frame_{:05}", ++count_);
-    write_whole(folder_ / "images" / (name + ".jpg"), encode_colour(frame.colour, camera_, ".jpg"), Durable::some_time);
+    write_whole(folder_ / "images" / (name + ".jpg"), encode_color(frame.color, camera_, ".jpg"), Durable::some_time);
     write_whole(folder_ / "depths" / (name + ".png"), encode_depth(frame.depth, camera_, 1000), Durable::some_time);
     const Eigen::Isometry3d pose = frame.world_from_camera.value().inverse();
     const Eigen::Quaterniond q(pose.linear());
@@ -43,9 +44,8 @@ class ColmapWriter final : public LayoutWriter {
       out << "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
       for (std::size_t i = 0; i < points.positions.size(); ++i) {
         const auto& p = points.positions[i];
-        const auto colour =
-            points.colours.empty() ? std::array<std::uint8_t, 4>{128, 128, 128, 255} : points.colours[i];
-        fmt::print(out, "{} {} {} {} {} {} {} 0\n", i + 1, p.x(), p.y(), p.z(), colour[0], colour[1], colour[2]);
+        const auto color = points.colors.empty() ? std::array<std::uint8_t, 4>{128, 128, 128, 255} : points.colors[i];
+        fmt::print(out, "{} {} {} {} {} {} {} 0\n", i + 1, p.x(), p.y(), p.z(), color[0], color[1], color[2]);
       }
     });
     fs::remove(folder_ / kViewPoints);

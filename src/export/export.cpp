@@ -16,36 +16,37 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr double kLeftWithinAnError = 0.15;  // typical ratio
+constexpr double kTypicalRemainingRatio = 0.15;  // typical ratio
 
 /// Approximate ratio of triangles left by simplification.
-double left_of(const ExportRun& run) {
+double remaining_ratio(const ExportRun& run) {
   const SimplifyOptions& o = run.options.simplify;
-  if (o.triangles > 0) return std::min(1.0, static_cast<double>(run.share_of(o.triangles)));
-  return o.max_error > 0 && o.ratio >= 1 ? kLeftWithinAnError : static_cast<double>(o.ratio);
+  if (o.triangles > 0) return std::min(1.0, static_cast<double>(run.ratio_of(o.triangles)));
+  return o.max_error > 0 && o.ratio >= 1 ? kTypicalRemainingRatio : static_cast<double>(o.ratio);
 }
 
 /// Cost of all steps of the run.
-double effort_of(const ExportRun& run) {
+double cost_of(const ExportRun& run) {
   const ExportOptions& options = run.options;
   const bool has_points = options.point_spacing > 0;
-  double each = Effort::kMesh + Effort::kClean + Effort::kWrite;
-  if (run.simplifies() && !has_points) each += Effort::kSimplify;
+  double per_brick = ProgressCost::kMesh + ProgressCost::kClean + ProgressCost::kWrite;
+  if (run.simplifies() && !has_points) per_brick += ProgressCost::kSimplify;
   double keyframes = 0;
   if (options.texture.enabled) {
     // Each level of detail has a texture, with about a quarter of the cost of the level before.
     const double levels = is_tileset(run.file) || options.levels > 1 ? 1 / (1 - static_cast<double>(kLevelRatio)) : 1;
-    each += levels * (run.effort.charts + Effort::kTexture);
-    keyframes = (Effort::kExposure + Effort::kRegistration) * static_cast<double>(run.input.keyframes.size());
+    per_brick += levels * (run.cost.charts + ProgressCost::kTexture);
+    keyframes =
+        (ProgressCost::kExposure + ProgressCost::kRegistration) * static_cast<double>(run.input.keyframes.size());
   }
-  return each * static_cast<double>(run.input.bricks.size()) + keyframes +
-         (has_points ? Effort::kPoint * run.expected_points() : 0);
+  return per_brick * static_cast<double>(run.input.bricks.size()) + keyframes +
+         (has_points ? ProgressCost::kPoint * run.expected_points() : 0);
 }
 
 }  // namespace
 
-Exported export_surface(const ExportInput& input, const fs::path& file, const ExportOptions& options,
-                        const ExportProgress& progress) {
+ExportReport export_surface(const ExportInput& input, const fs::path& file, const ExportOptions& options,
+                            const ExportProgress& progress) {
   check(options, file);
   if (input.bricks.empty()) throw not_written(file, "the map is empty: no frame was fused into it");
   const bool has_texture = options.texture.enabled;
@@ -54,13 +55,13 @@ Exported export_surface(const ExportInput& input, const fs::path& file, const Ex
                 .options = options,
                 .progress = progress,
                 .cells = Cells(input.bricks, input.volume.brick_size(), is_tileset(file), options, input.block)};
-  run.effort.charts = Effort::kChartsOfNone + Effort::kChartsOfAll * left_of(run);
-  run.effort.whole = effort_of(run);
+  run.cost.charts = ProgressCost::kChartsBase + ProgressCost::kChartsFull * remaining_ratio(run);
+  run.cost.total = cost_of(run);
   run.triangles_left = options.simplify.triangles;
   run.bricks_left = static_cast<double>(input.bricks.size());
   run.step(0, has_texture ? "comparing exposures" : "meshing");
-  std::optional<Texturer> made;
-  Texturer* const texturer = has_texture ? &made.emplace(run) : nullptr;
+  std::optional<Texturer> storage;
+  Texturer* const texturer = has_texture ? &storage.emplace(run) : nullptr;
   if (is_tileset(file))
     write_tiles(run, texturer);
   else if (options.point_spacing > 0)

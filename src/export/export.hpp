@@ -6,11 +6,11 @@
 #include <optional>
 #include <span>
 
-#include "cairn/export.hpp"
-#include "cairn/rig.hpp"
-#include "cairn/surface_sigma.hpp"
-#include "cairn/trajectory.hpp"
-#include "cairn/upright.hpp"
+#include "cairn/mapping/export.hpp"
+#include "cairn/mapping/gravity_alignment.hpp"
+#include "cairn/mapping/rig.hpp"
+#include "cairn/mapping/surface_sigma.hpp"
+#include "cairn/mapping/trajectory.hpp"
 #include "texture/views.hpp"
 #include "volume/polygonize.hpp"
 
@@ -28,14 +28,14 @@ struct ExportInput {
   std::vector<TextureKeyframe> keyframes;
   TextureViews::GetImage get_image;
   std::vector<Trajectory> paths;  // in the written world
-  Upright upright;                // rotation into the written world
+  GravityAlignment upright;       // rotation into the written world
   const SurfaceSigma& sigma;      // empty: unknown
   std::optional<Brick> block;     // of a tileset: exports this block only, see Cells; `bricks` are in and around it
 };
 
 /// Writes by the extension of `file`, see write_mesh; also tileset.json, 3D Tiles 1.1 with levels of detail. Throws
 /// std::runtime_error with the remedy; leaves no partial file.
-Exported export_surface(const ExportInput& input, const std::filesystem::path& file, const ExportOptions& options,
-                        const ExportProgress& progress);
+ExportReport export_surface(const ExportInput& input, const std::filesystem::path& file, const ExportOptions& options,
+                            const ExportProgress& progress);
 
 }  // namespace cairn

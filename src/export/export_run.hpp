@@ -8,11 +8,11 @@
 #include <string>
 #include <utility>
 
-#include "base/mesh_vertices.hpp"
+#include "base/file_name.hpp"
 #include "base/stopwatch.hpp"
-#include "cairn/file_name.hpp"
 #include "export/cells.hpp"
 #include "export/export.hpp"
+#include "geometry/mesh_vertices.hpp"
 #include "mesh/gltf.hpp"
 
 namespace cairn {
@@ -24,22 +24,22 @@ namespace cairn {
 [[nodiscard]] inline bool is_tileset(const std::filesystem::path& file) { return extension_of(file) == ".json"; }
 
 [[nodiscard]] inline std::runtime_error not_written(const std::filesystem::path& file, const std::string& why) {
-  return std::runtime_error(file.string() + ": is not written, " + why);
+  return std::runtime_error(file.string() + ": is not written: " + why);
 }
 
 /// Progress of an export by the cost of its steps: milliseconds of two busy CPU cores. Devices differ in speed, but
 /// little in the ratio of the steps.
-struct Effort {
-  static constexpr int kWhole = 1000;
+struct ProgressCost {
+  static constexpr int kSteps = 1000;
   // Per brick: of a synthetic room with 8,400 and a kitchen with 17,600.
   static constexpr double kMesh = 0.1, kClean = 0.25, kSimplify = 0.38, kTexture = 0.13, kWrite = 0.03;
-  static constexpr double kChartsOfAll = 0.46, kChartsOfNone = 0.04;  // by the ratio of triangles left
+  static constexpr double kChartsFull = 0.46, kChartsBase = 0.04;  // by the ratio of triangles left
   static constexpr double kPoint = 0.0035;
   static constexpr double kExposure = 120, kRegistration = 100;  // per keyframe
-  double charts = kChartsOfAll + kChartsOfNone;                  // per brick
-  double done = 0, whole = 1;
-  /// Out of kWhole, which is reached when all is written.
-  [[nodiscard]] int share() const { return static_cast<int>((kWhole - 1) * std::clamp(done / whole, 0.0, 1.0)); }
+  double charts = kChartsFull + kChartsBase;                     // per brick
+  double done = 0, total = 1;
+  /// Out of kSteps, which is reached when all is written.
+  [[nodiscard]] int share() const { return static_cast<int>((kSteps - 1) * std::clamp(done / total, 0.0, 1.0)); }
 };
 
 struct ExportRun {
@@ -48,19 +48,19 @@ struct ExportRun {
   const ExportOptions& options;
   const ExportProgress& progress;
   Cells cells;
-  Exported exported;
-  Effort effort{};
+  ExportReport exported;
+  ProgressCost cost{};
   std::size_t triangles_left = 0;  // of SimplifyOptions::triangles, for the remaining cells
   double bricks_left = 0;          // in the remaining cells
 
   /// Adds the cost of a finished step to the progress.
-  void step(double cost, const char* next) {
-    effort.done += cost;
-    if (progress) progress(effort.share(), Effort::kWhole, next);
+  void step(double step_cost, const char* next) {
+    cost.done += step_cost;
+    if (progress) progress(cost.share(), ProgressCost::kSteps, next);
   }
   /// Reports the end of the export.
   void end() const {
-    if (progress) progress(Effort::kWhole, Effort::kWhole, "done");
+    if (progress) progress(ProgressCost::kSteps, ProgressCost::kSteps, "done");
   }
   template <class Work>
   decltype(auto) timed(const char* stage, const Work& work) {
@@ -68,20 +68,20 @@ struct ExportRun {
   }
   /// Approximate number of points for ExportOptions::point_spacing: a room at 2 cm has 682,306 points at 5 mm.
   [[nodiscard]] double expected_points() const {
-    constexpr double kOfABrick = 38;  // at a spacing of one voxel
+    constexpr double kPointsPerBrick = 38;  // at a spacing of one voxel
     const double finer = static_cast<double>(input.volume.options().voxel_size / options.point_spacing);
-    return kOfABrick * static_cast<double>(input.bricks.size()) * finer * finer;
+    return kPointsPerBrick * static_cast<double>(input.bricks.size()) * finer * finer;
   }
   /// Approximate ratio of `triangles` to all triangles of the surface.
-  [[nodiscard]] float share_of(std::size_t triangles) const {
-    constexpr float kOfABrick = 40;  // about: 30 where most surface was seen rarely, 60 for a desk
-    return static_cast<float>(triangles) / (kOfABrick * static_cast<float>(input.bricks.size()));
+  [[nodiscard]] float ratio_of(std::size_t triangles) const {
+    constexpr float kPointsPerBrick = 40;  // about: 30 where most surface was seen rarely, 60 for a desk
+    return static_cast<float>(triangles) / (kPointsPerBrick * static_cast<float>(input.bricks.size()));
   }
   [[nodiscard]] bool simplifies() const {
     const SimplifyOptions& o = options.simplify;
     return o.triangles > 0 || o.ratio < 1 || o.max_error > 0;
   }
-  void moved_by(float error) { exported.error = std::max(exported.error, error); }
+  void add_error(float error) { exported.error = std::max(exported.error, error); }
   void add(const GltfWriter::Added& added) {
     exported.parts += added.triangles > 0;
     exported.triangles += added.triangles;
@@ -91,7 +91,7 @@ struct ExportRun {
   void refuse_empty(std::size_t left) const {
     if (left == 0)
       throw not_written(file,
-                        "nothing of the surface is left: it is empty, or CleanOptions::min_piece, "
+                        "no surface is left: the map is empty, or CleanOptions::min_piece, "
                         "CleanOptions::min_weight or SimplifyOptions::triangles removed all of it");
   }
   [[nodiscard]] GltfOptions gltf_options() const {
@@ -102,7 +102,7 @@ struct ExportRun {
             .source = options.source,
             .upright = input.upright,
             .axes = is_tileset(file) ? Axes::automatic : options.axes,
-            .is_whole = cells.is_whole()};
+            .is_single_mesh = cells.is_single()};
   }
   /// Mesh in the written world, with standard deviations.
   [[nodiscard]] Mesh as_written(Mesh mesh) const {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/map.hpp"
+#include "cairn/mapping/map.hpp"
 
 #include <fmt/format.h>
 #include <malloc.h>
@@ -10,20 +10,21 @@
 #include <stdexcept>
 #include <utility>
 
-#include "base/axes.hpp"
-#include "base/mesh_vertices.hpp"
-#include "cairn/atomic_file.hpp"
-#include "cairn/file_name.hpp"
-#include "cairn/mapper.hpp"
+#include "base/atomic_file.hpp"
+#include "base/file_name.hpp"
+#include "cairn/mapping/mapper.hpp"
 #include "export/cells.hpp"
 #include "export/export.hpp"
 #include "export/export_run.hpp"
+#include "export/floor_plan.hpp"
 #include "export/graph_picture.hpp"
 #include "export/map_contents.hpp"
-#include "export/plan.hpp"
 #include "export/views.hpp"
-#include "map/map_state.hpp"
-#include "map/upright.hpp"
+#include "geometry/axes.hpp"
+#include "geometry/mesh_vertices.hpp"
+#include "gravity/align_gravity.hpp"
+#include "mapper/map_state.hpp"
+#include "volume/vdb/map_vdb.hpp"
 #include "volume/voxels.hpp"
 
 namespace cairn {
@@ -31,45 +32,42 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kGridPart = 8192;                          // bricks: 32 MiB
-constexpr int kPointsShare = 30;                                 // of 100: cost of the points in an export of views
-constexpr std::uint64_t kViewMemory = std::uint64_t{512} << 20;  // bytes of keyframes on the device
+constexpr std::size_t kGridBatch = 8192;  // bricks: 32 MiB
+constexpr int kPointsPercent = 30;        // of 100: cost of the points in an export of views
 
-/// Velocity of a keyframe from neighboring frames that are close in time. `are_together`: true if the poses of two
+/// Velocity of a keyframe from neighboring frames that are close in time. `are_connected`: true if the poses of two
 /// frames share a frame of reference.
 template <class Frames, class Pose, class AreTogether>
-Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose, const AreTogether& are_together) {
+Vector6d velocity_at(const Frames& frames, std::size_t i, const Pose& pose, const AreTogether& are_connected) {
   constexpr double kMaxGap = 0.2;  // seconds between frames used for a velocity
-  const std::size_t a = i > 0 && are_together(i - 1, i) ? i - 1 : i,
-                    b = i + 1 < frames.size() && are_together(i, i + 1) ? i + 1 : i;
+  const std::size_t a = i > 0 && are_connected(i - 1, i) ? i - 1 : i,
+                    b = i + 1 < frames.size() && are_connected(i, i + 1) ? i + 1 : i;
   const double seconds = frames[b].timestamp - frames[a].timestamp;
   if (!(seconds > 0 && seconds < kMaxGap)) return Vector6d::Zero();
   return local_coordinates(pose(a).inverse() * pose(b)) / seconds;
 }
 
-std::vector<TextureKeyframe> given_keyframes(const MapState::GivenPoses& given) {
+std::vector<TextureKeyframe> texture_keyframes(const MapState&, const GivenPoses& given) {
   std::vector<TextureKeyframe> keyframes;
-  for (std::size_t k = 0; k < given.keyframes.size(); ++k) {
-    const auto [i, delay] = given.keyframes[k];
+  for (std::size_t k = 0; k < given.keyframes().size(); ++k) {
+    const auto [i, delay] = given.keyframes()[k];
     keyframes.push_back({.image = k,
-                         .world_from_camera = given.poses[i].world_from_camera,
+                         .world_from_camera = given.poses()[i].world_from_camera,
                          .velocity = velocity_at(
-                             given.poses, i, [&](std::size_t j) { return given.poses[j].world_from_camera; },
+                             given.poses(), i, [&](std::size_t j) { return given.poses()[j].world_from_camera; },
                              [](auto...) { return true; }),
-                         .colour_delay = delay});
+                         .color_delay = delay});
   }
   return keyframes;
 }
 
-/// Keyframes of the main component for texturing.
-std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
-  if (!s.is_tracked()) return given_keyframes(s.given);
+std::vector<TextureKeyframe> texture_keyframes(const MapState& s, const TrackedPoses&) {
   std::vector<TextureKeyframe> keyframes;
   const Atlas& atlas = s.back_end.atlas();
   const auto component_of = atlas.components();
   const std::size_t main = atlas.keyframes.empty() ? 0 : atlas.main_component();
-  std::vector<std::size_t> piece(atlas.keyframes.size(), 0);  // tracked without interruption
-  for (std::size_t k = 1; k < piece.size(); ++k) piece[k] = atlas.keyframes[k].follows ? piece[k - 1] : k;
+  std::vector<std::size_t> segment(atlas.keyframes.size(), 0);  // tracked without interruption
+  for (std::size_t k = 1; k < segment.size(); ++k) segment[k] = atlas.keyframes[k].follows ? segment[k - 1] : k;
   for (std::size_t i = 0; i < atlas.frames.size(); ++i) {
     const std::size_t k = atlas.frames[i].keyframe;
     if (component_of[k] != main || (i > 0 && atlas.frames[i - 1].keyframe == k)) continue;
@@ -78,53 +76,58 @@ std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
                          .velocity = velocity_at(
                              atlas.frames, i, [&](std::size_t j) { return atlas.submap_from_camera(atlas.frames[j]); },
                              [&](std::size_t a, std::size_t b) {
-                               return piece[atlas.frames[a].keyframe] == piece[atlas.frames[b].keyframe];
+                               return segment[atlas.frames[a].keyframe] == segment[atlas.frames[b].keyframe];
                              }),
-                         .colour_delay = atlas.keyframes[k].colour_delay - s.tracker.clock_offset()});
+                         .color_delay = atlas.keyframes[k].color_delay - s.tracker.clock_offset()});
   }
   return keyframes;
 }
 
+/// Keyframes of the main component for texturing.
+std::vector<TextureKeyframe> texture_keyframes(const MapState& s) {
+  return std::visit([&](const auto& poses) { return texture_keyframes(s, poses); }, s.poses);
+}
+
 /// Distance field rotated into the written world.
-std::shared_ptr<const DistanceField> turned(const std::shared_ptr<const DistanceField>& field, const Upright& upright) {
+std::shared_ptr<const DistanceField> turned(const std::shared_ptr<const DistanceField>& field,
+                                            const GravityAlignment& upright) {
   if (upright.world_from_tracked.matrix().isIdentity(0)) return field;
   return std::make_shared<const DistanceField>(field->voxel_size(), field->origin(), field->max_distance(),
                                                field->blocks(), upright.world_from_tracked.cast<float>());
 }
 
 /// Poses of the written world, converted to the frame of fusion.
-Trajectory tracked(Trajectory poses, const Upright& upright) {
+Trajectory tracked(Trajectory poses, const GravityAlignment& upright) {
   for (StampedPose& pose : poses)
     pose.world_from_camera = upright.world_from_tracked.conjugate() * pose.world_from_camera;
   return poses;
 }
 
 /// Progress of a stage between two percentages of the entire export.
-ExportProgress part_of(const ExportProgress& whole, int begin, int end) {
-  if (!whole) return {};
-  return [&whole, begin, end](int done, int count, const std::string& next) {
-    whole(begin * count + (end - begin) * done, 100 * count, next);
+ExportProgress sub_progress(const ExportProgress& total, int begin, int end) {
+  if (!total) return {};
+  return [&total, begin, end](int done, int count, const std::string& next) {
+    total(begin * count + (end - begin) * done, 100 * count, next);
   };
 }
 
 /// True if the map is made part by part: after corrections of its poses, a map may be larger than the memory.
-bool is_in_parts(MapState& s) {
-  s.back_end.settle();
-  return s.is_tracked() && !s.back_end.is_plain();
+bool is_chunked(MapState& s) {
+  s.back_end.finish_optimization();
+  return !s.back_end.is_undeformed();
 }
 
 /// `only`: restricts to these submaps, sorted; null: all.
-WorldParts parts_of(MapState& s, const std::vector<std::size_t>* only = nullptr) {
-  s.whole.reset();
+GlobalVolumeChunks chunks_of(MapState& s, const std::vector<std::size_t>* only = nullptr) {
+  s.cached_volume.reset();
   s.back_end.end_submap(s.volume, s.fused_count, true);
   malloc_trim(0);  // both consisted of thousands of small allocations
-  return s.back_end.world_parts(s.device, only);
+  return s.back_end.global_volume_chunks(s.device, only);
 }
 
 /// Inlier loops of the main component, for drawing.
 std::vector<plan::LoopLine> loop_lines(const MapState& s) {
   std::vector<plan::LoopLine> lines;
-  if (!s.is_tracked()) return lines;
   const Atlas& atlas = s.back_end.atlas();
   if (atlas.keyframes.empty()) return lines;
   const auto component_of = atlas.components();
@@ -139,32 +142,32 @@ std::vector<plan::LoopLine> loop_lines(const MapState& s) {
   };
   for (const Loop& loop : atlas.loops) {
     const std::size_t i = loop.edge.i, j = loop.edge.j;
-    if (loop.corners > 0 && loop.inlier && component_of[j] == main)
+    if (loop.feature_inliers > 0 && loop.inlier && component_of[j] == main)
       lines.push_back({place_of(i), place_of(j), recording_of(i) != recording_of(j)});
   }
   return lines;
 }
 
-/// Adds bricks in batches of kGridPart.
-void add_parts(GridsWriter& writer, WorldParts& parts, std::vector<Brick> bricks, const LoadSubmap& load) {
+/// Adds bricks in batches of kGridBatch.
+void add_parts(GridsWriter& writer, GlobalVolumeChunks& parts, std::vector<Brick> bricks, const LoadSubmap& load) {
   std::sort(bricks.begin(), bricks.end(), before_in_grid);
-  for (std::size_t i = 0; i < bricks.size(); i += kGridPart)
-    writer.add(parts.make(std::span(bricks).subspan(i, std::min(kGridPart, bricks.size() - i)), load));
+  for (std::size_t i = 0; i < bricks.size(); i += kGridBatch)
+    writer.add(parts.make(std::span(bricks).subspan(i, std::min(kGridBatch, bricks.size() - i)), load));
 }
 
-class MapperContents final : public Map::Contents {
+class MapperContents final : public MapContents {
  public:
   explicit MapperContents(std::shared_ptr<MapState> state) : state_(std::move(state)) {}
 
   Mesh mesh() override {
-    Mesh mesh = state_->polygonizer.polygonize(state_->world());
+    Mesh mesh = state_->polygonizer.polygonize(state_->global_volume());
     mesh.sigmas = sigma().at_each(mesh.positions);
     return turned(std::move(mesh), state_->upright().world_from_tracked);
   }
 
   Voxels voxels() override {
     MapState& s = *state_;
-    const BrickTree& tree = s.world().on_host();
+    const BrickTree& tree = s.global_volume().on_host();
     return voxels_of(
         tree,
         {.voxel_size = s.options.fuse.voxel_size, .truncation = s.options.fuse.truncation, .upright = s.upright()});
@@ -172,20 +175,20 @@ class MapperContents final : public Map::Contents {
 
   std::shared_ptr<const DistanceField> distances(const EsdfOptions* options, const Trajectory& visited) override {
     MapState& s = *state_;
-    const Upright upright = s.upright();
-    return turned(distances_of(s.device, s.world().on_host(), s.options.fuse,
+    const GravityAlignment upright = s.upright();
+    return turned(distances_of(s.device, s.global_volume().on_host(), s.options.fuse,
                                options != nullptr ? *options : s.options.esdf, tracked(visited, upright)),
                   upright);
   }
 
-  Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override;
+  ExportReport export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override;
 
-  ExportedViews export_views(const fs::path& folder, const ViewsOptions& options,
-                             const ExportProgress& progress) override;
+  ExportViewsReport export_views(const fs::path& folder, const ViewsOptions& options,
+                                 const ExportProgress& progress) override;
 
   ExportedPlan export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) override;
 
-  void look(const std::function<void(const MapParts&)>& visit) override { look_at(*state_, nullptr, visit); }
+  void look(const std::function<void(const MapChunks&)>& visit) override { look_at(*state_, nullptr, visit); }
 
   void write_grids(const fs::path& file, Axes axes) override;
 
@@ -196,10 +199,10 @@ class MapperContents final : public Map::Contents {
       write_g2o(file, upright_graph());
   }
 
-  Upright upright() const override { return state_->upright(); }
-  void stand_up(Up up) override {
+  GravityAlignment upright() const override { return state_->upright(); }
+  void set_up_axis(Up up) override {
     state_->options.up = up;
-    state_->back_end.ask_up(up);
+    state_->back_end.set_up_axis(up);
   }
   int recordings() const override { return state_->recordings(); }
   Trajectory trajectory(int recording) const override { return state_->trajectory(recording); }
@@ -224,34 +227,34 @@ void MapperContents::write_grids(const fs::path& file, Axes axes) {
   std::shared_ptr<const DistanceField> field;
   if (s.options.esdf.live)
     s.warnings().attempt(file.string() + " has no grid `esdf`", [&] { field = distances(nullptr, {}); });
-  s.back_end.settle();
+  s.back_end.finish_optimization();
   GridsWriter writer(file, {.voxel_size = s.options.fuse.voxel_size,
                             .truncation = s.options.fuse.truncation,
                             .upright = s.upright(),
                             .axes = resolved(axes, Axes::world),
                             .sigma = sigma()});
-  if (!is_in_parts(s) || s.whole) {
-    const BrickTree& tree = s.world().on_host();
+  if (!is_chunked(s) || s.cached_volume) {
+    const BrickTree& tree = s.global_volume().on_host();
     writer.add(tree);
     return writer.write(tree, field.get());
   }
-  WorldParts parts = parts_of(s);
+  GlobalVolumeChunks parts = chunks_of(s);
   add_parts(writer, parts, parts.bricks(), s.back_end.load_submap());
-  writer.write(s.back_end.world_free(), nullptr);
+  writer.write(s.back_end.global_free_space(), nullptr);
 }
 
-Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& options,
-                                     const ExportProgress& progress) {
+ExportReport MapperContents::export_mesh(const fs::path& file, const ExportOptions& options,
+                                         const ExportProgress& progress) {
   MapState& s = *state_;
   check(options, file);
-  const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
+  const KeyframeStore& images = s.images();
   images.wait();
-  const bool in_parts = is_in_parts(s);
-  std::optional<WorldParts> parts;
+  const bool in_parts = is_chunked(s);
+  std::optional<GlobalVolumeChunks> parts;
   std::optional<Volume> part;
   if (in_parts) {
-    parts.emplace(parts_of(s));
-    part.emplace(s.device, s.world_pool(), s.options.surface.max_depth);
+    parts.emplace(chunks_of(s));
+    part.emplace(s.device, s.global_volume_options(), s.options.surface.max_depth);
   }
   ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
                     .volume = in_parts ? *part : s.volume,
@@ -270,23 +273,23 @@ Exported MapperContents::export_mesh(const fs::path& file, const ExportOptions& 
   return export_surface(input, file, options, progress);
 }
 
-ExportedViews MapperContents::export_views(const fs::path& folder, const ViewsOptions& options,
-                                           const ExportProgress& progress) {
-  ExportedViews exported;
+ExportViewsReport MapperContents::export_views(const fs::path& folder, const ViewsOptions& options,
+                                               const ExportProgress& progress) {
+  ExportViewsReport exported;
   check(options);
   write_folder(folder, [&](const fs::path& part) {
-    exported.points =
-        export_mesh(part / kViewPoints, {.point_spacing = options.point_spacing}, part_of(progress, 0, kPointsShare))
-            .points;
+    exported.points = export_mesh(part / kViewPoints, {.point_spacing = options.point_spacing},
+                                  sub_progress(progress, 0, kPointsPercent))
+                          .points;
     const MapState& s = *state_;
-    const KeyframeStore& images = s.is_tracked() ? s.back_end.images() : s.given.images;
+    const KeyframeStore& images = s.images();
     const auto keyframes = texture_keyframes(s);
     exported.keyframes = static_cast<int>(keyframes.size());
     exported.images = write_views({.rig = s.rig,
                                    .keyframes = keyframes,
                                    .get_image = [&](std::size_t image) { return images.get(image); },
                                    .world_from_map = Eigen::Isometry3d(s.upright().world_from_tracked)},
-                                  part, options, part_of(progress, kPointsShare, 100));
+                                  part, options, sub_progress(progress, kPointsPercent, 100));
   });
   return exported;
 }
@@ -298,14 +301,14 @@ ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions
   paths.reserve(static_cast<std::size_t>(state_->recordings()));
   for (int i = 0; i < state_->recordings(); ++i) paths.push_back(state_->trajectory(i));
   ExportedPlan exported;
-  look([&](const MapParts& map) {
+  look([&](const MapChunks& map) {
     exported = export_floor_plan({map, std::move(paths), loop_lines(*state_)}, file, options, progress);
   });
   return exported;
 }
 
 /// A map.vdb, or a part of it: without keyframes, poses or a device in use.
-class GridContents final : public Map::Contents {
+class GridContents final : public MapContents {
  public:
   /// `box`: range of a part, possibly without a surface.
   GridContents(fs::path file, ReadGrids grids, const std::optional<BrickBox>& box, int device)
@@ -327,18 +330,19 @@ class GridContents final : public Map::Contents {
     checked.fuse = fuse_;
     if (options != nullptr) checked.esdf = *options;
     check(checked);
-    const Upright& upright = grids_.info.upright;
+    const GravityAlignment& upright = grids_.info.upright;
     auto field = turned(distances_of(device(), tree(), fuse_, checked.esdf, tracked(visited, upright), box_), upright);
     const auto& blocks = field->blocks();
     const bool has_surface = box_ || std::any_of(blocks.begin(), blocks.end(), [&](const auto& block) {
-                               return std::any_of(block.second->begin(), block.second->end(),
+                               return std::any_of(block.samples->begin(), block.samples->end(),
                                                   [&](float d) { return d < field->max_distance(); });
                              });
-    if (!has_surface) throw std::runtime_error(file_.string() + ": holds no surface to be distant from");
+    if (!has_surface) throw std::runtime_error(file_.string() + ": has no surface, so there are no distances");
     return field;
   }
 
-  Exported export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) override {
+  ExportReport export_mesh(const fs::path& file, const ExportOptions& options,
+                           const ExportProgress& progress) override {
     check(options, file);
     Polygonizer polygonizer(device());
     return export_surface({.bricks = volume().bricks(),
@@ -349,20 +353,19 @@ class GridContents final : public Map::Contents {
                           file, options, progress);
   }
 
-  ExportedViews export_views(const fs::path&, const ViewsOptions&, const ExportProgress&) override {
-    throw std::runtime_error(file_.string() + ": has no keyframes whose images could be written");
+  ExportViewsReport export_views(const fs::path&, const ViewsOptions&, const ExportProgress&) override {
+    throw std::runtime_error(file_.string() + ": has no keyframes, so no images can be written");
   }
 
   ExportedPlan export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) override {
     check(options, file);
-    if (options.loops)
-      throw not_written(file, file_.string() + " alone tells no loops: name the folder that the run has made");
+    if (options.loops) throw not_written(file, file_.string() + " has no loops: give the output folder of the run");
     ExportedPlan exported;
-    look([&](const MapParts& map) { exported = export_floor_plan({map, {}, {}}, file, options, progress); });
+    look([&](const MapChunks& map) { exported = export_floor_plan({map, {}, {}}, file, options, progress); });
     return exported;
   }
 
-  void look(const std::function<void(const MapParts&)>& visit) override {
+  void look(const std::function<void(const MapChunks&)>& visit) override {
     Polygonizer polygonizer(device());
     visit({.bricks = volume().bricks(),
            .volume = volume(),
@@ -382,13 +385,13 @@ class GridContents final : public Map::Contents {
     throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
   }
 
-  Upright upright() const override { return grids_.info.upright; }
-  void stand_up(Up up) override {
+  GravityAlignment upright() const override { return grids_.info.upright; }
+  void set_up_axis(Up up) override {
     if (up == Up::automatic || up == Up::camera)
       throw std::runtime_error(fmt::format(
-          "{}: alone does not tell what Options::up {} is: name the axis that points up, x, y, z, -x, -y or -z",
-          file_.string(), name_of(up)));
-    grids_.info.upright = upright_by(*find_down({}, up), {});
+          "{}: Options::up {} needs the session of the map: give the axis that points up, x, y, z, -x, -y or -z",
+          file_.string(), to_string(up)));
+    grids_.info.upright = gravity_alignment_of(*estimate_gravity({}, up), {});
   }
   int recordings() const override { return 1; }
   Trajectory trajectory(int) const override { return {}; }
@@ -427,17 +430,17 @@ std::vector<Brick> within(const std::vector<Brick>& bricks, const BrickBox& box)
 
 }  // namespace
 
-void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::function<void(const MapParts&)>& visit) {
-  if (submaps == nullptr && !is_in_parts(s))
+void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::function<void(const MapChunks&)>& visit) {
+  if (submaps == nullptr && !is_chunked(s))
     return visit({.bricks = s.volume.bricks(),
                   .volume = s.volume,
                   .load = {},
                   .polygonizer = s.polygonizer,
                   .free = s.volume.on_host(),
                   .upright = s.upright()});
-  WorldParts parts = parts_of(s, submaps);
-  Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
-  const BrickTree free = s.back_end.world_free(submaps);
+  GlobalVolumeChunks parts = chunks_of(s, submaps);
+  Volume part(s.device, s.global_volume_options(), s.options.surface.max_depth);
+  const BrickTree free = s.back_end.global_free_space(submaps);
   visit({.bricks = parts.bricks(),
          .volume = part,
          .load =
@@ -451,19 +454,19 @@ void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::fu
 }
 
 Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vector<std::size_t>& submaps) {
-  WorldParts parts = s.back_end.world_parts(s.device, &submaps);
-  Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
+  GlobalVolumeChunks parts = s.back_end.global_volume_chunks(s.device, &submaps);
+  Volume part(s.device, s.global_volume_options(), s.options.surface.max_depth);
   const std::vector<Brick> bricks = within(parts.bricks(), Cells::box_of(block));
   if (bricks.empty()) return {};
   part.adopt(parts.make(bricks, s.back_end.load_submap()));
   return turned(s.polygonizer.polygonize(part, bricks), s.upright().world_from_tracked);
 }
 
-Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder, const ExportOptions& options,
-                      const ExportProgress& progress) {
+ExportReport export_block(MapState& s, const MapBlock& block, const fs::path& folder, const ExportOptions& options,
+                          const ExportProgress& progress) {
   const fs::path file = folder / "tileset.json";
-  WorldParts parts = s.back_end.world_parts(s.device, &block.submaps);
-  Volume part(s.device, s.world_pool(), s.options.surface.max_depth);
+  GlobalVolumeChunks parts = s.back_end.global_volume_chunks(s.device, &block.submaps);
+  Volume part(s.device, s.global_volume_options(), s.options.surface.max_depth);
   const BrickBox own = Cells::box_of(block.block);
   const Brick margin = Brick::Constant(Cells::margin(options.clean, part.brick_size()));
   const BrickBox around(own.min() - margin, own.max() + margin);
@@ -472,7 +475,7 @@ Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder
   if (inside.empty()) throw not_written(file, "the map does not reach this cell");
 
   BrickTree free;
-  const BrickTree all_free = s.back_end.world_free(&block.submaps);
+  const BrickTree all_free = s.back_end.global_free_space(&block.submaps);
   for (const Brick& brick : within(all_free.free_bricks(), own)) free.mark_free(brick, all_free.free_voxels(brick));
   GridsWriter writer(folder / "map.vdb", {.voxel_size = s.options.fuse.voxel_size,
                                           .truncation = s.options.fuse.truncation,
@@ -505,29 +508,32 @@ Exported export_block(MapState& s, const MapBlock& block, const fs::path& folder
       file, with_views, progress);
 }
 
-Map map_of(std::shared_ptr<MapState> state) { return Map(std::make_shared<MapperContents>(std::move(state))); }
+Map map_of(std::shared_ptr<MapState> state) {
+  return MapAccess::map_of(std::make_shared<MapperContents>(std::move(state)));
+}
 
 Map map_of_grids(const fs::path& vdb, int device) {
-  return Map(std::make_shared<GridContents>(vdb, read_grids(vdb), std::nullopt, device));
+  return MapAccess::map_of(std::make_shared<GridContents>(vdb, read_grids(vdb), std::nullopt, device));
 }
 
 Map map_of_part(const fs::path& vdb, ReadGrids part, const BrickBox& box, int device) {
-  return Map(std::make_shared<GridContents>(vdb, std::move(part), box, device));
+  return MapAccess::map_of(std::make_shared<GridContents>(vdb, std::move(part), box, device));
 }
 
 Map Mapper::map() { return map_of(state_); }
 
-Map::Map(std::shared_ptr<Contents> contents) : contents_(std::move(contents)) {}
+Map::Map(std::shared_ptr<MapContents> contents) : contents_(std::move(contents)) {}
 Mesh Map::mesh() { return contents_->mesh(); }
 Voxels Map::voxels() { return contents_->voxels(); }
 std::shared_ptr<const DistanceField> Map::distances(const EsdfOptions& options, const Trajectory& visited) {
   return contents_->distances(&options, visited);
 }
 std::shared_ptr<const DistanceField> Map::distances() { return contents_->distances(nullptr, {}); }
-Exported Map::export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) {
+ExportReport Map::export_mesh(const fs::path& file, const ExportOptions& options, const ExportProgress& progress) {
   return contents_->export_mesh(file, options, progress);
 }
-ExportedViews Map::export_views(const fs::path& folder, const ViewsOptions& options, const ExportProgress& progress) {
+ExportViewsReport Map::export_views(const fs::path& folder, const ViewsOptions& options,
+                                    const ExportProgress& progress) {
   return contents_->export_views(folder, options, progress);
 }
 ExportedPlan Map::export_plan(const fs::path& file, const PlanOptions& options, const ExportProgress& progress) {
@@ -535,8 +541,8 @@ ExportedPlan Map::export_plan(const fs::path& file, const PlanOptions& options, 
 }
 void Map::write_grids(const fs::path& file, Axes axes) { contents_->write_grids(file, axes); }
 void Map::write_graph(const fs::path& file) const { contents_->write_graph(file); }
-Upright Map::upright() const { return contents_->upright(); }
-void Map::stand_up(Up up) { contents_->stand_up(up); }
+GravityAlignment Map::upright() const { return contents_->upright(); }
+void Map::set_up_axis(Up up) { contents_->set_up_axis(up); }
 int Map::recordings() const { return contents_->recordings(); }
 Trajectory Map::trajectory(int recording) const { return contents_->trajectory(recording); }
 Statistics Map::statistics() const { return contents_->statistics(); }

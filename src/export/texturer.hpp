@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Textures of parts from keyframes.
 #pragma once
-#include "export/part.hpp"
+#include "export/cell_mesh.hpp"
 #include "texture/views.hpp"
 
 namespace cairn {
@@ -12,9 +12,9 @@ class Texturer {
   /// Compensates the exposure of the keyframes. Throws std::runtime_error without keyframes or without color.
   explicit Texturer(ExportRun& run);
   /// Mesh of a part with a texture, coarser for higher levels of detail.
-  [[nodiscard]] Mesh texture(Mesh mesh, const Part& part, int level);
+  [[nodiscard]] Mesh texture(Mesh mesh, const CellMesh& part, int level);
   /// Call after the volume was loaded with another part of the map.
-  void forget() { views_.forget(); }
+  void discard_images() { views_.discard_images(); }
 
  private:
   /// Initial texel size: the keyframes' resolution, limited by the texture's size.
@@ -22,7 +22,7 @@ class Texturer {
 
   ExportRun& run_;
   TextureViews views_;
-  std::size_t seen_ = 0;  // texels seen by a keyframe
+  std::size_t visible_texels_ = 0;  // texels seen by a keyframe
 };
 
 }  // namespace cairn

@@ -14,10 +14,10 @@
 #include <unsupported/Eigen/BVH>
 #include <utility>
 
-#include "base/mesh_vertices.hpp"
+#include "export/cell_mesh.hpp"
 #include "export/cells.hpp"
-#include "export/part.hpp"
-#include "mesh/coloured_parts.hpp"
+#include "geometry/mesh_vertices.hpp"
+#include "mesh/colored_parts.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/simplify.hpp"
 #include "mesh/topology.hpp"
@@ -27,12 +27,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr float kColourSide = 0.1f;  // meters, of triangles colored at the vertices from a texture
+constexpr float kMaxColoredSide = 0.1f;  // meters, of triangles colored at the vertices from a texture
 
 /// Bisects the longest side of triangles until no side is longer. Both triangles of a side split it alike, so no gap
 /// opens.
-void subdivide(Mesh& mesh, float longest) {
-  std::vector<std::array<std::uint32_t, 3>> left = std::move(mesh.triangles);
+void subdivide(Mesh& mesh, float max_side) {
+  std::vector<std::array<std::uint32_t, 3>> open = std::move(mesh.triangles);
   mesh.triangles.clear();
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
   const auto middle_of = [&](std::uint32_t a, std::uint32_t b) {
@@ -45,36 +45,36 @@ void subdivide(Mesh& mesh, float longest) {
     }
     return it->second;
   };
-  while (!left.empty()) {
-    auto t = left.back();
-    left.pop_back();
+  while (!open.empty()) {
+    auto t = open.back();
+    open.pop_back();
     const auto length = [&](int k) { return (mesh.positions[t[(k + 1) % 3]] - mesh.positions[t[k]]).norm(); };
     int side = 0;
     for (int k = 1; k < 3; ++k)
       if (length(k) > length(side)) side = k;
-    if (length(side) <= longest) {
+    if (length(side) <= max_side) {
       mesh.triangles.push_back(t);
       continue;
     }
     std::rotate(t.begin(), t.begin() + side, t.end());
     const std::uint32_t m = middle_of(t[0], t[1]);
-    left.push_back({t[0], m, t[2]});
-    left.push_back({m, t[1], t[2]});
+    open.push_back({t[0], m, t[2]});
+    open.push_back({m, t[1], t[2]});
   }
 }
 
 /// Sets each vertex to the mean color of the nearest vertices of `fine`: a single vertex would alias a pattern.
-void mix_colours(Mesh& mesh, const Mesh& fine) {
+void mix_colors(Mesh& mesh, const Mesh& fine) {
   struct Nearest {
     using Scalar = float;
     const Mesh& mesh;
     const Eigen::Vector3f& p;
     std::size_t vertex = 0;
-    float least = std::numeric_limits<float>::infinity();
+    float min_squared = std::numeric_limits<float>::infinity();
     float minimumOnVolume(const Eigen::AlignedBox3f& box) const { return box.squaredExteriorDistance(p); }
     float minimumOnObject(int v) {
       const float squared = (mesh.positions[static_cast<std::size_t>(v)] - p).squaredNorm();
-      if (squared < least) least = squared, vertex = static_cast<std::size_t>(v);
+      if (squared < min_squared) min_squared = squared, vertex = static_cast<std::size_t>(v);
       return squared;
     }
   };
@@ -88,13 +88,13 @@ void mix_colours(Mesh& mesh, const Mesh& fine) {
   for (std::size_t v = 0; v < fine.positions.size(); ++v) {
     Nearest nearest{mesh, fine.positions[v]};
     Eigen::BVMinimize(tree, nearest);
-    const auto& c = fine.colours[v];
+    const auto& c = fine.colors[v];
     sums[nearest.vertex] +=
         Eigen::Vector4f(static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2]), 1);
   }
   for (std::size_t v = 0; v < sums.size(); ++v)
     for (std::size_t k = 0; k < 3; ++k)
-      mesh.colours[v][k] = static_cast<std::uint8_t>(std::lround(sums[v][static_cast<Eigen::Index>(k)] / sums[v][3]));
+      mesh.colors[v][k] = static_cast<std::uint8_t>(std::lround(sums[v][static_cast<Eigen::Index>(k)] / sums[v][3]));
 }
 
 std::vector<bool> on_border(const Mesh& mesh) {
@@ -140,8 +140,8 @@ CellTile parent_of(std::vector<CellTile> children, const Brick& group, const Sha
     for (Mesh& part : read_mesh_parts(child.mesh)) {
       triangles += part.triangles.size();
       // A texture has colors between the vertices as well, such as a pattern on a flat floor.
-      if (!part.texture.texels.empty()) subdivide(part, kColourSide);
-      take_colours(part);
+      if (!part.texture.texels.empty()) subdivide(part, kMaxColoredSide);
+      take_colors(part);
       parts.push_back(std::move(part));
     }
     parent.tile.box.extend(child.tile.box);
@@ -153,7 +153,7 @@ CellTile parent_of(std::vector<CellTile> children, const Brick& group, const Sha
   const float ratio = kLevelRatio * static_cast<float>(triangles) / static_cast<float>(mesh.triangles.size());
   const Mesh fine = mesh;
   parent.tile.error += static_cast<double>(simplify(mesh, {.ratio = std::min(1.0f, ratio)}, locked, true).error);
-  if (!mesh.colours.empty()) mix_colours(mesh, fine);
+  if (!mesh.colors.empty()) mix_colors(mesh, fine);
   parent.tile.content = parent.mesh.filename().string();
   GltfWriter writer;
   writer.add(name, mesh);

@@ -9,16 +9,16 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/atomic_file.hpp"
 #include "base/json_text.hpp"
 #include "base/read_whole.hpp"
-#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kDigits = 8;  // of a checksum
+constexpr std::size_t kChecksumDigits = 8;  // of a checksum
 
 std::vector<fs::path> files_in(const fs::path& folder) {
   std::vector<fs::path> files;
@@ -36,13 +36,13 @@ std::string checksum_of(const fs::path& folder) {
     sum.process_bytes(name.data(), name.size());
     sum.process_bytes(bytes.data(), bytes.size());
   }
-  return fmt::format("{:0{}x}", sum.checksum(), kDigits);
+  return fmt::format("{:0{}x}", sum.checksum(), kChecksumDigits);
 }
 
 /// True for a folder of tiles left by finish(), whose name is the checksum of its files. No other folder is removed.
 bool is_tiles(const fs::path& folder) {
   const std::string name = folder.filename().string();
-  if (name.size() != kDigits || name.find_first_not_of("0123456789abcdef") != std::string::npos) return false;
+  if (name.size() != kChecksumDigits || name.find_first_not_of("0123456789abcdef") != std::string::npos) return false;
   try {
     if (!fs::is_directory(fs::symlink_status(folder))) return false;
     const auto files = files_in(folder);
@@ -53,7 +53,7 @@ bool is_tiles(const fs::path& folder) {
   }
 }
 
-void must(const std::error_code& error, const fs::path& folder) {
+void throw_if(const std::error_code& error, const fs::path& folder) {
   if (error) throw std::runtime_error("cannot write " + folder.string() + ": " + error.message());
 }
 
@@ -62,13 +62,13 @@ void must(const std::error_code& error, const fs::path& folder) {
 TilesFolder::TilesFolder(const fs::path& tileset) : home_(tileset) {
   home_.replace_extension(".tiles");
   std::error_code error;
-  made_home_ = fs::create_directories(home_, error);
-  must(error, home_);
+  created_home_ = fs::create_directories(home_, error);
+  throw_if(error, home_);
   remove_leftovers(home_);
   try {
     staging_ = std::make_unique<StagingFolder>(home_ / "tiles");
   } catch (const SystemError& failed) {
-    must(std::error_code(failed.number, std::generic_category()), home_);
+    throw_if(std::error_code(failed.number, std::generic_category()), home_);
   }
   part_ = staging_->content();
 }
@@ -76,29 +76,29 @@ TilesFolder::TilesFolder(const fs::path& tileset) : home_(tileset) {
 TilesFolder::~TilesFolder() {
   std::error_code ignored;
   staging_.reset();
-  if (is_mine_) fs::remove_all(part_, ignored);
-  if (made_home_ && fs::is_empty(home_, ignored)) fs::remove(home_, ignored);
+  if (owns_part_) fs::remove_all(part_, ignored);
+  if (created_home_ && fs::is_empty(home_, ignored)) fs::remove(home_, ignored);
 }
 
 std::string TilesFolder::finish() {
   const fs::path named = home_ / checksum_of(part_);
-  const bool is_there = fs::exists(named);
-  if (is_there && !is_tiles(named))  // else the same tiles were written before
-    throw std::runtime_error(named.string() + ": holds other files than the tiles that go there; move it away");
+  const bool exists_already = fs::exists(named);
+  if (exists_already && !is_tiles(named))  // else the same tiles were written before
+    throw std::runtime_error(named.string() + ": contains files that are not tiles; move them away");
   try {
-    if (!is_there) staging_->take_the_place_of(named);
+    if (!exists_already) staging_->replace_folder(named);
   } catch (const SystemError& error) {
-    must(std::error_code(error.number, std::generic_category()), named);
+    throw_if(std::error_code(error.number, std::generic_category()), named);
   }
   staging_.reset();
   part_ = named;
-  is_mine_ = !is_there;
+  owns_part_ = !exists_already;
   sync_folder(home_);
   return as_uri(home_.filename().string()) + "/" + named.filename().string();
 }
 
 void TilesFolder::keep() {
-  is_mine_ = false;
+  owns_part_ = false;
   std::error_code ignored;
   std::vector<fs::path> others;
   for (const auto& entry : fs::directory_iterator(home_, ignored))

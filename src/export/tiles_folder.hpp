@@ -32,9 +32,9 @@ class TilesFolder {
 
  private:
   std::filesystem::path home_, part_;  // part_: the finished folder in the end
-  bool made_home_ = false;
+  bool created_home_ = false;
   std::unique_ptr<StagingFolder> staging_;  // until finished
-  bool is_mine_ = false;                    // the destructor removes part_
+  bool owns_part_ = false;                  // the destructor removes part_
 };
 
 }  // namespace cairn

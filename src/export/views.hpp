@@ -4,8 +4,8 @@
 #pragma once
 #include <memory>
 
-#include "cairn/export.hpp"
-#include "cairn/layouts.hpp"
+#include "cairn/io/layouts.hpp"
+#include "cairn/mapping/export.hpp"
 #include "texture/views.hpp"
 
 namespace cairn {

@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Output files of parts: points, all parts for each level of detail, or tiles.
 #pragma once
-#include "export/part.hpp"
+#include "export/cell_mesh.hpp"
 
 namespace cairn {
 

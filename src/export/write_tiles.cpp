@@ -17,11 +17,11 @@ namespace fs = std::filesystem;
 
 struct TilePart {
   Tile tile;
-  Part part;
+  CellMesh part;
 };
 
-Part make_leaf(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
-  Part part = make_part(run, texturer, cell);
+CellMesh make_leaf(ExportRun& run, Texturer* texturer, const Cells::Key& cell) {
+  CellMesh part = make_cell_mesh(run, texturer, cell);
   simplify_finest(run, part);
   return part;
 }
@@ -39,12 +39,12 @@ void write_content(ExportRun& run, const fs::path& folder, const std::string& na
 std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::path& folder, const Cells::Key& cell,
                                   int level) {
   Tile tile;
-  Part part;
+  CellMesh part;
   if (level == 0) {
     if (!run.cells.all().contains(cell)) return std::nullopt;
     part = make_leaf(run, texturer, cell);
   } else {
-    std::vector<Part> children;
+    std::vector<CellMesh> children;
     for (int c = 0; c < 8; ++c) {
       const Brick child_cell = 2 * Cells::brick(cell) + Brick(c & 1, c >> 1 & 1, c >> 2);
       if (auto child = make_tile(run, texturer, folder, Cells::key(child_cell), level - 1)) {
@@ -53,9 +53,9 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::
       }
     }
     if (children.empty()) return std::nullopt;
-    part = join_parts(std::move(children));
-    simplify_part(run, part, {.ratio = kLevelRatio}, level, level);
-    run.moved_by(part.error);
+    part = merge_cell_meshes(std::move(children));
+    simplify_cell_mesh(run, part, {.ratio = kLevelRatio}, level, level);
+    run.add_error(part.error);
     for (const Tile& child : tile.children) tile.box.extend(child.box);
   }
   if (part.mesh.triangles.empty()) return std::nullopt;
@@ -66,7 +66,7 @@ std::optional<TilePart> make_tile(ExportRun& run, Texturer* texturer, const fs::
   ++run.exported.tiles;
   write_content(run, folder, tile.content,
                 run.as_written(texturer != nullptr ? texturer->texture(part.mesh, part, level) : part.mesh), level);
-  if (level == 0) run.step(Effort::kWrite * part.bricks, "meshing");
+  if (level == 0) run.step(ProgressCost::kWrite * part.bricks, "meshing");
   return TilePart{std::move(tile), std::move(part)};
 }
 

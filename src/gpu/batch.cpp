@@ -15,9 +15,9 @@
 namespace cairn::gpu {
 namespace {
 
-constexpr std::uint64_t kChunk = 256 << 10;     // minimum size of a staging chunk, bytes
-constexpr std::uint64_t kKeepAtMost = 8 << 20;  // staging bytes kept between runs: the images of a few frames
-constexpr std::size_t kMostUnderWay = 32;       // batches in flight; each keeps its staging memory until it finishes
+constexpr std::uint64_t kMinChunkBytes = 256 << 10;  // minimum size of a staging chunk, bytes
+constexpr std::uint64_t kMaxKeptBytes = 8 << 20;     // staging bytes kept between runs: the images of a few frames
+constexpr std::size_t kMaxInFlight = 32;             // batches; each keeps its staging memory until it finishes
 // Host-visible memory. Downloads prefer host-cached memory, which the host reads faster.
 constexpr auto kHost = vk::MemoryPropertyFlagBits::eHostVisible | vk::MemoryPropertyFlagBits::eHostCoherent;
 
@@ -42,7 +42,8 @@ Batch::State::Place Batch::State::Arena::take(Device::State& d, std::uint64_t by
                                               vk::MemoryPropertyFlags preferred) {
   const std::uint64_t aligned = (bytes + 15) & ~std::uint64_t{15};
   if (chunks.empty() || used + aligned > chunks.back().size) {
-    chunks.emplace_back(d, std::max({aligned, kChunk, chunks.empty() ? usual : 0}), usage, kHost, preferred);
+    chunks.emplace_back(d, std::max({aligned, kMinChunkBytes, chunks.empty() ? first_chunk_bytes : 0}), usage, kHost,
+                        preferred);
     used = 0;
   }
   const Place place{&chunks.back(), used};
@@ -54,8 +55,8 @@ void Batch::State::Arena::reset() {
   std::uint64_t total = 0;
   for (const auto& chunk : chunks) total += chunk.size;
   // Reuses a single chunk from its start; replaces several chunks by a larger one in the next run.
-  usual = total > kKeepAtMost ? 0 : total;
-  if (chunks.size() > 1 || usual == 0) chunks.clear();
+  first_chunk_bytes = total > kMaxKeptBytes ? 0 : total;
+  if (chunks.size() > 1 || first_chunk_bytes == 0) chunks.clear();
   used = 0;
 }
 
@@ -114,31 +115,31 @@ void Batch::State::finish() {
 }
 
 void Device::State::wait_for(std::uint64_t submission) {
-  if (submission <= ended) return;
+  if (submission <= completed) return;
   ++traffic.waits;
   const vk::SemaphoreWaitInfo wait{.semaphoreCount = 1, .pSemaphores = &**timeline, .pValues = &submission};
   if (device->waitSemaphores(wait, UINT64_MAX) != vk::Result::eSuccess)
     throw std::runtime_error("device " + info.name + " did not finish its work");
-  note_ended(submission);
+  retire(submission);
 }
 
 bool Device::State::is_idle() {
-  if (ended < submitted) note_ended(timeline->getCounterValue());
-  return ended == submitted;
+  if (completed < submitted) retire(timeline->getCounterValue());
+  return completed == submitted;
 }
 
-void Device::State::let_go() noexcept {
+void Device::State::wait_idle() noexcept {
   try {
     if (!is_idle()) wait_for(submitted);
   } catch (const std::exception&) {  // a lost device uses no memory
   }
 }
 
-void Device::State::note_ended(std::uint64_t submission) {
-  ended = std::max(ended, submission);
-  while (!under_way.empty() && under_way.front()->submission <= ended) {
-    auto batch = std::move(under_way.front());
-    under_way.pop_front();
+void Device::State::retire(std::uint64_t submission) {
+  completed = std::max(completed, submission);
+  while (!in_flight.empty() && in_flight.front()->submission <= completed) {
+    auto batch = std::move(in_flight.front());
+    in_flight.pop_front();
     batch->finish();
     idle_batches.push_back(std::move(batch));
   }
@@ -206,7 +207,7 @@ void Batch::run() {
     device.wait_for(state_->submission);
   } catch (...) {
     state_->pending_downloads.clear();  // their spans may become invalid while the device still works
-    device.under_way.push_back(std::move(state_));
+    device.in_flight.push_back(std::move(state_));
     throw;
   }
   state_->finish();
@@ -216,8 +217,8 @@ void Batch::submit() {
   if (!state_->recording) return;
   Device::State& device = state_->device;
   state_->submit();
-  device.under_way.push_back(std::move(state_));
-  if (device.under_way.size() > kMostUnderWay) device.wait_for(device.under_way.front()->submission);
+  device.in_flight.push_back(std::move(state_));
+  if (device.in_flight.size() > kMaxInFlight) device.wait_for(device.in_flight.front()->submission);
   state_ = device.empty_batch();
 }
 

@@ -15,7 +15,7 @@ std::uint32_t memory_type(const Device::State& device, std::uint32_t allowed, vk
   for (const auto wanted : {properties | preferred, properties})
     for (std::uint32_t i = 0; i < device.memory_types.memoryTypeCount; ++i)
       if ((allowed & (1u << i)) && (device.memory_types.memoryTypes[i].propertyFlags & wanted) == wanted) return i;
-  throw std::runtime_error("device " + device.info.name + " has no memory of the kind " + vk::to_string(properties));
+  throw std::runtime_error("device " + device.info.name + " has no memory type with " + vk::to_string(properties));
 }
 
 /// True if device and host access the memory equally: no staging copy is needed.
@@ -37,8 +37,8 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
     : device(d), size(std::max<std::uint64_t>(bytes, 4)) {
   std::uint32_t type = 0;
   if (size > d.max_allocation)
-    throw std::runtime_error("device " + d.info.name + " takes " + std::to_string(d.max_allocation >> 20) +
-                             " MiB in one piece at most, not " + std::to_string(size >> 20) +
+    throw std::runtime_error("device " + d.info.name + " allocates at most " + std::to_string(d.max_allocation >> 20) +
+                             " MiB at once, not " + std::to_string(size >> 20) +
                              ": lower FuseOptions::device_memory, or choose a larger FuseOptions::voxel_size");
   try {
     buffer = vk::raii::Buffer(*d.device, vk::BufferCreateInfo{.size = size, .usage = usage});
@@ -65,7 +65,7 @@ Allocation::Allocation(Device::State& d, std::uint64_t bytes, vk::BufferUsageFla
 
 Allocation::~Allocation() {
   device.in_use -= size;
-  device.let_go();
+  device.wait_idle();
 }
 
 Buffer::Buffer(Device& device, std::uint64_t bytes)
@@ -80,8 +80,8 @@ const vk::raii::BufferView& Buffer::State::texels(vk::Format format) const {
   const std::uint64_t texels = allocation.size / texel_bytes;
   const auto& d = allocation.device;
   if (texels > d.max_texels)
-    throw std::runtime_error("device " + d.info.name + " reads " + std::to_string(d.max_texels) +
-                             " texels of a buffer at most, not " + std::to_string(texels));
+    throw std::runtime_error("device " + d.info.name + " reads at most " + std::to_string(d.max_texels) +
+                             " texels of a buffer, not " + std::to_string(texels));
   vk::raii::BufferView view(*d.device, {.buffer = *allocation.buffer, .format = format, .range = texels * texel_bytes});
   return views.emplace(format, std::move(view)).first->second;
 }

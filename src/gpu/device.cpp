@@ -7,7 +7,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "cairn/atomic_file.hpp"
+#include "base/atomic_file.hpp"
 #include "gpu/vulkan.hpp"
 
 namespace cairn::gpu {
@@ -15,16 +15,16 @@ namespace {
 
 constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
 
-enum class Validation { off, usual, synchronisation, on_device };
+enum class Validation { off, basic, synchronization, on_device };
 
 Validation validation_wanted() {
   const char* value = std::getenv("CAIRN_VALIDATION");
   const std::string_view wanted = value != nullptr ? value : "";
   if (wanted.empty() || wanted == "0") return Validation::off;
-  if (wanted == "1") return Validation::usual;
-  if (wanted == "sync") return Validation::synchronisation;
+  if (wanted == "1") return Validation::basic;
+  if (wanted == "sync") return Validation::synchronization;
   if (wanted == "gpu") return Validation::on_device;
-  throw std::runtime_error("CAIRN_VALIDATION is '" + std::string(wanted) + "', it takes 0, 1, sync or gpu");
+  throw std::runtime_error("CAIRN_VALIDATION is '" + std::string(wanted) + "': choose 0, 1, sync or gpu");
 }
 
 VKAPI_ATTR VkBool32 VKAPI_CALL keep_message(VkDebugUtilsMessageSeverityFlagBitsEXT, VkDebugUtilsMessageTypeFlagsEXT,
@@ -50,7 +50,7 @@ std::optional<vk::raii::Instance> make_instance(const vk::raii::Context& context
     extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
   }
   std::vector<vk::ValidationFeatureEnableEXT> features;
-  if (validation == Validation::synchronisation)
+  if (validation == Validation::synchronization)
     features = {vk::ValidationFeatureEnableEXT::eSynchronizationValidation};
   if (validation == Validation::on_device)
     features = {vk::ValidationFeatureEnableEXT::eGpuAssisted,
@@ -118,12 +118,12 @@ bool has_subgroup_size_control(const vk::raii::PhysicalDevice& physical) {
   const auto properties = physical.getProperties2<vk::PhysicalDeviceProperties2, vk::PhysicalDeviceSubgroupProperties,
                                                   vk::PhysicalDeviceSubgroupSizeControlProperties>();
   const auto& sizes = properties.get<vk::PhysicalDeviceSubgroupSizeControlProperties>();
-  const std::uint32_t usual = properties.get<vk::PhysicalDeviceSubgroupProperties>().subgroupSize;
+  const std::uint32_t subgroup_size = properties.get<vk::PhysicalDeviceSubgroupProperties>().subgroupSize;
   return physical.getFeatures2<vk::PhysicalDeviceFeatures2, vk::PhysicalDeviceSubgroupSizeControlFeatures>()
              .get<vk::PhysicalDeviceSubgroupSizeControlFeatures>()
              .subgroupSizeControl &&
-         (sizes.requiredSubgroupSizeStages & vk::ShaderStageFlagBits::eCompute) && usual >= sizes.minSubgroupSize &&
-         usual <= sizes.maxSubgroupSize;
+         (sizes.requiredSubgroupSizeStages & vk::ShaderStageFlagBits::eCompute) &&
+         subgroup_size >= sizes.minSubgroupSize && subgroup_size <= sizes.maxSubgroupSize;
 }
 
 /// First missing feature, if any.
@@ -298,8 +298,8 @@ Device::Device(int index) : state_(std::make_unique<State>()) {
 }
 
 Device::~Device() {
-  state_->let_go();
-  state_->ended = state_->submitted;
+  state_->wait_idle();
+  state_->completed = state_->submitted;
   if (!state_->pipelines || state_->pipelines_file.empty()) return;
   // Errors are ignored: a missing cache only slows down the next start.
   try {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/device.hpp"
+#include "cairn/mapping/device.hpp"
 
 // The only interface to Vulkan for the stages: no Vulkan type appears in src/gpu/*.hpp except vulkan.hpp.
 namespace cairn::gpu {

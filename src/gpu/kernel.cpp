@@ -72,7 +72,7 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
   for (std::size_t i = 0; i < count; ++i) {
     const spvc_type image = spvc_compiler_get_type_handle(compiler, list[i].type_id);
     if (spvc_type_get_image_dimension(image) != SpvDimBuffer)
-      throw std::logic_error("shader " + name + " has an image that is no buffer");
+      throw std::logic_error("shader " + name + " has an image that is not a buffer");
     place(list[i]) = {.type = vk::DescriptorType::eUniformTexelBuffer,
                       .texel = texel_of(spvc_type_get_basetype(
                           spvc_compiler_get_type_handle(compiler, spvc_type_get_image_sampled_type(image))))};
@@ -94,7 +94,7 @@ Layout reflect(const std::string& name, std::span<const std::uint32_t> spirv) {
 
 struct KernelBase::State {
   explicit State(Device::State& d) : device(d) {}
-  ~State() { device.let_go(); }
+  ~State() { device.wait_idle(); }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
 
@@ -115,7 +115,7 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
   s.name = std::move(name);
   if (s.layout.push_bytes != push_bytes)
     throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.push_bytes) +
-                           " bytes of push constants, its C++ struct " + std::to_string(push_bytes));
+                           " bytes of push constants, but its C++ struct has " + std::to_string(push_bytes));
 
   std::vector<vk::DescriptorSetLayoutBinding> bindings;
   for (std::uint32_t i = 0; i < s.layout.bindings.size(); ++i)
@@ -136,24 +136,24 @@ KernelBase::KernelBase(Device& device, std::string name, std::span<const std::ui
   const vk::raii::ShaderModule module(*d.device, {.codeSize = spirv.size_bytes(), .pCode = spirv.data()});
   std::vector<vk::SpecializationMapEntry> entries;
   std::vector<std::uint32_t> words;
-  const auto specialise = [&](std::uint32_t id, std::uint32_t word) {
+  const auto specialize = [&](std::uint32_t id, std::uint32_t word) {
     entries.push_back(
         {.constantID = id, .offset = static_cast<std::uint32_t>(words.size() * sizeof(word)), .size = sizeof(word)});
     words.push_back(word);
   };
-  for (std::uint32_t id = 0; id < constants.size(); ++id) specialise(id, std::bit_cast<std::uint32_t>(constants[id]));
+  for (std::uint32_t id = 0; id < constants.size(); ++id) specialize(id, std::bit_cast<std::uint32_t>(constants[id]));
   if (workgroup > 0) {
-    specialise(kWorkgroupConstant, workgroup);
+    specialize(kWorkgroupConstant, workgroup);
     s.layout.workgroup[0] = workgroup;
   }
-  const vk::SpecializationInfo specialisation{.mapEntryCount = static_cast<std::uint32_t>(entries.size()),
+  const vk::SpecializationInfo specialization{.mapEntryCount = static_cast<std::uint32_t>(entries.size()),
                                               .pMapEntries = entries.data(),
                                               .dataSize = words.size() * sizeof(words[0]),
                                               .pData = words.data()};
   vk::PipelineShaderStageCreateInfo stage{.stage = vk::ShaderStageFlagBits::eCompute,
                                           .module = *module,
                                           .pName = "main",
-                                          .pSpecializationInfo = &specialisation};
+                                          .pSpecializationInfo = &specialization};
   // Otherwise a device with several subgroup sizes could change the order of sums.
   const vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo size{.requiredSubgroupSize = d.info.subgroup_size};
   if (s.layout.uses_subgroups && d.subgroup_size_control) stage.pNext = &size;
@@ -165,7 +165,7 @@ KernelBase::KernelBase(KernelBase&&) noexcept = default;
 
 template <class Record>
 void KernelBase::record(Batch& batch, const void* push, std::span<const Buffer* const> buffers,
-                        const Record& dispatch_it) const {
+                        const Record& record_dispatch) const {
   const State& s = *state_;
   if (buffers.size() != s.layout.bindings.size())
     throw std::logic_error("shader " + s.name + " has " + std::to_string(s.layout.bindings.size()) + " bindings, got " +
@@ -187,7 +187,8 @@ void KernelBase::record(Batch& batch, const void* push, std::span<const Buffer* 
     }
     if (buffer->size() > b.device.max_binding)
       throw std::runtime_error("shader " + s.name + ": a buffer of " + std::to_string(buffer->size() >> 20) +
-                               " MiB is larger than this device binds (" + std::to_string(b.device.max_binding >> 20) +
+                               " MiB exceeds the device's limit for bindings (" +
+                               std::to_string(b.device.max_binding >> 20) +
                                " MiB): the map has too many bricks, choose a larger FuseOptions::voxel_size");
     infos.push_back({.buffer = *buffer->state().allocation.buffer, .offset = 0, .range = VK_WHOLE_SIZE});
     writes.back().pBufferInfo = &infos.back();
@@ -202,7 +203,7 @@ void KernelBase::record(Batch& batch, const void* push, std::span<const Buffer* 
   commands.getDispatcher()->vkCmdPushConstants(
       static_cast<VkCommandBuffer>(*commands), static_cast<VkPipelineLayout>(*s.pipeline_layout),
       VK_SHADER_STAGE_COMPUTE_BIT, 0, static_cast<std::uint32_t>(s.layout.push_bytes), push);
-  dispatch_it(commands);
+  record_dispatch(commands);
   if (timed) {
     commands.writeTimestamp(vk::PipelineStageFlagBits::eComputeShader, *b.queries, query + 1);
     b.timed.push_back(&s.name);
@@ -212,18 +213,19 @@ void KernelBase::record(Batch& batch, const void* push, std::span<const Buffer* 
 void KernelBase::dispatch(Batch& batch, std::array<std::uint32_t, 3> threads, const void* push,
                           std::span<const Buffer* const> buffers) const {
   if (threads[0] == 0 || threads[1] == 0 || threads[2] == 0) return;
-  const auto& most = batch.state().device.max_groups;
+  const auto& max_groups = batch.state().device.max_groups;
   std::array<std::uint32_t, 3> groups{};
   for (std::size_t i = 0; i < 3; ++i)
     groups[i] = threads[i] / state_->layout.workgroup[i] + (threads[i] % state_->layout.workgroup[i] != 0 ? 1 : 0);
-  if (groups[0] > most[0] && groups[1] == 1) {  // see group_index in shaders/types.h
-    groups[1] = (groups[0] + most[0] - 1) / most[0];
+  if (groups[0] > max_groups[0] && groups[1] == 1) {  // see group_index in shaders/types.h
+    groups[1] = (groups[0] + max_groups[0] - 1) / max_groups[0];
     groups[0] = (groups[0] + groups[1] - 1) / groups[1];
   }
   for (std::size_t i = 0; i < 3; ++i)
-    if (groups[i] > most[i])
+    if (groups[i] > max_groups[i])
       throw std::logic_error("shader " + state_->name + ": " + std::to_string(groups[i]) +
-                             " workgroups along one axis, the device takes " + std::to_string(most[i]));
+                             " workgroups along one axis, but the device allows at most " +
+                             std::to_string(max_groups[i]));
   record(batch, push, buffers,
          [&](const vk::raii::CommandBuffer& commands) { commands.dispatch(groups[0], groups[1], groups[2]); });
 }
@@ -235,7 +237,7 @@ void KernelBase::dispatch_indirect(Batch& batch, const Buffer& groups, std::uint
   });
 }
 
-std::uint32_t threads_together(const Device& device, std::uint32_t on_a_gpu) {
+std::uint32_t preferred_workgroup_size(const Device& device, std::uint32_t on_a_gpu) {
   return device.info().type == "cpu" ? std::clamp(device.info().subgroup_size, 8u, on_a_gpu) : on_a_gpu;
 }
 

@@ -30,7 +30,8 @@ class KernelBase {
 
  private:
   template <class Record>
-  void record(Batch& batch, const void* push, std::span<const Buffer* const> buffers, const Record& dispatch_it) const;
+  void record(Batch& batch, const void* push, std::span<const Buffer* const> buffers,
+              const Record& record_dispatch) const;
   struct State;
   std::unique_ptr<State> state_;
 };
@@ -73,6 +74,6 @@ class Kernel : private KernelBase {
 
 /// Workgroup size for a shader with a variable size: on a CPU device the number of threads that it executes at once,
 /// since each further round reads all parameters again, lane by lane.
-[[nodiscard]] std::uint32_t threads_together(const Device& device, std::uint32_t on_a_gpu);
+[[nodiscard]] std::uint32_t preferred_workgroup_size(const Device& device, std::uint32_t on_a_gpu);
 
 }  // namespace cairn::gpu

@@ -44,8 +44,8 @@ struct Device::State {
   Traffic traffic;
   // Submissions are numbered from 1; the timeline reaches a number when this and all earlier submissions have finished.
   std::optional<vk::raii::Semaphore> timeline;
-  std::uint64_t submitted = 0, ended = 0;
-  std::deque<std::unique_ptr<Batch::State>> under_way;  // oldest first
+  std::uint64_t submitted = 0, completed = 0;
+  std::deque<std::unique_ptr<Batch::State>> in_flight;  // oldest first
   std::vector<std::unique_ptr<Batch::State>> idle_batches;
 
   void open();  // reads the limits of `physical`; creates the device and its queue
@@ -54,11 +54,11 @@ struct Device::State {
   /// True if all submissions have finished. Does not wait.
   [[nodiscard]] bool is_idle();
   /// Waits for all submissions before the destruction of an object in use.
-  void let_go() noexcept;
+  void wait_idle() noexcept;
   [[nodiscard]] std::unique_ptr<Batch::State> empty_batch();
 
  private:
-  void note_ended(std::uint64_t submission);
+  void retire(std::uint64_t submission);
 };
 
 /// A buffer with its own memory. `mapped` is null for memory without host access. Prefers memory that also has the
@@ -96,8 +96,8 @@ struct Batch::State {
   /// a chunk of their total size, unless too large to keep.
   struct Arena {
     std::deque<Allocation> chunks;
-    std::uint64_t used = 0;   // bytes used in the last chunk
-    std::uint64_t usual = 0;  // minimum size of the first chunk, bytes
+    std::uint64_t used = 0;               // bytes used in the last chunk
+    std::uint64_t first_chunk_bytes = 0;  // minimum size of the first chunk, bytes
     Place take(Device::State& device, std::uint64_t bytes, vk::BufferUsageFlags usage,
                vk::MemoryPropertyFlags preferred);
     void reset();

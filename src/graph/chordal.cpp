@@ -5,7 +5,7 @@
 #include <Eigen/SparseCore>
 #include <vector>
 
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 #include "graph/components.hpp"
 
 namespace cairn {
@@ -110,7 +110,7 @@ Eigen::MatrixXd fitting_translations(const PoseGraph& graph, const std::vector<d
 
 }  // namespace
 
-std::vector<Eigen::Isometry3d> chordal_initialisation(const PoseGraph& graph, const std::vector<double>& weights) {
+std::vector<Eigen::Isometry3d> chordal_initialization(const PoseGraph& graph, const std::vector<double>& weights) {
   std::vector<Eigen::Isometry3d> poses = graph.world_from_node;
   const std::vector<std::size_t> anchors = component_of(graph, weights);
   // Unknowns are numbered over the nodes other than anchors.

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "graph/way.hpp"
+#include "graph/relative_pose.hpp"
 
 namespace cairn {
 namespace {
@@ -23,17 +23,19 @@ void add_gravity(std::vector<PoseGraph::Gravity>& gravity, std::vector<std::size
   all.sigma = 1 / std::sqrt(before + weight);
 }
 
+/// Nearest kept node of a node.
+struct NearestKept {
+  std::size_t node = 0;  // in CoarseGraph::graph
+  RelativePose from;     // from the kept node to this node
+};
+
 }  // namespace
 
 CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(fine.edges.size(), kNone) {
   const std::size_t nodes = fine.world_from_node.size();
   const std::vector<const PoseGraph::Edge*> step = steps_of(fine);
   places_.resize(nodes);
-  struct Next {
-    std::size_t node = 0;  // in `graph`
-    Way from;              // from the kept node to this node
-  };
-  std::vector<Next> next(nodes);  // nearest kept node, by node
+  std::vector<NearestKept> next(nodes);
   const auto keep = [&](std::size_t node) {
     kept_.push_back(node);
     graph.world_from_node.push_back(fine.world_from_node[node]);
@@ -47,23 +49,26 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
       // From one kept node to the next.
       std::size_t end = begin + 1;
       while (end - begin < spacing && step[end] != nullptr) ++end;
-      std::vector<Way> steps, ways{Way{}};  // of this segment; from the kept node to the end of each step
+      std::vector<RelativePose> steps,
+          poses_from_start{RelativePose{}};  // of this segment; from the kept node to the end of each step
       for (std::size_t i = begin; i < end; ++i) {
         steps.push_back(along(*step[i]));
-        ways.push_back(then(ways.back(), steps.back()));
+        poses_from_start.push_back(compose(poses_from_start.back(), steps.back()));
       }
       const std::size_t to = keep(end);
       const std::size_t count = end - begin;
-      Way back;  // from the end
+      RelativePose back;  // from the end
       for (std::size_t i = end; i > begin; --i) {
         const std::size_t at = i - begin;
         places_[i] = {from, to, static_cast<double>(at) / static_cast<double>(count)};
-        next[i] = 2 * at < count ? Next{from, ways[at]} : Next{to, back};
-        if (2 * at >= count) back = then(back, reverse(steps[at - 1]));
+        next[i] = 2 * at < count ? NearestKept{from, poses_from_start[at]} : NearestKept{to, back};
+        if (2 * at >= count) back = compose(back, inverse(steps[at - 1]));
         edge_of[static_cast<std::size_t>(step[i - 1] - fine.edges.data())] = graph.edges.size();
       }
-      graph.edges.push_back(
-          {.i = from, .j = to, .i_from_j = ways.back().pose, .information = ways.back().covariance.inverse()});
+      graph.edges.push_back({.i = from,
+                             .j = to,
+                             .i_from_j = poses_from_start.back().pose,
+                             .information = poses_from_start.back().covariance.inverse()});
       begin = end, from = to;
     }
     ++begin;
@@ -71,14 +76,14 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
   for (std::size_t k = 0; k < fine.edges.size(); ++k) {
     const auto& e = fine.edges[k];
     if (step[e.i] == &e) continue;
-    const Next &i = next[e.i], &j = next[e.j];
+    const NearestKept &i = next[e.i], &j = next[e.j];
     if (i.node == j.node) continue;
-    const Way way = then(then(i.from, along(e)), reverse(j.from));
+    const RelativePose relative_pose = compose(compose(i.from, along(e)), inverse(j.from));
     edge_of[k] = graph.edges.size();
     graph.edges.push_back({.i = i.node,
                            .j = j.node,
-                           .i_from_j = way.pose,
-                           .information = way.covariance.inverse(),
+                           .i_from_j = relative_pose.pose,
+                           .information = relative_pose.covariance.inverse(),
                            .is_loop_closure = e.is_loop_closure});
   }
   std::vector<std::size_t> of_node(kept_.size(), kNone);
@@ -87,7 +92,7 @@ CoarseGraph::CoarseGraph(const PoseGraph& fine, std::size_t spacing) : edge_of(f
                 {.node = next[g.node].node, .up = next[g.node].from.pose.linear() * g.up, .sigma = g.sigma});
 }
 
-std::vector<Eigen::Isometry3d> CoarseGraph::spread(const PoseGraph& fine) const {
+std::vector<Eigen::Isometry3d> CoarseGraph::interpolate(const PoseGraph& fine) const {
   std::vector<Eigen::Isometry3d> poses;
   poses.reserve(places_.size());
   const auto moved_with = [&](std::size_t coarse, std::size_t node) {

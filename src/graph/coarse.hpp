@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 
 namespace cairn {
 
@@ -25,7 +25,7 @@ class CoarseGraph {
 
   /// Poses of `fine`, the graph of the constructor, from the current poses of `graph`: between two kept nodes the
   /// correction is interpolated evenly.
-  [[nodiscard]] std::vector<Eigen::Isometry3d> spread(const PoseGraph& fine) const;
+  [[nodiscard]] std::vector<Eigen::Isometry3d> interpolate(const PoseGraph& fine) const;
 
  private:
   struct Place {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/union_find.hpp"
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 
 namespace cairn {
 

@@ -6,22 +6,23 @@
 #include <cstdint>
 #include <optional>
 
-#include "graph/way.hpp"
+#include "graph/relative_pose.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::size_t kNeighbours = 5;               // max. nodes between the ends of neighboring edges
-constexpr double kFewAlone = 10, kShareAlone = 0.1;  // tolerated isolated loop closures; share of agreeing ones
+constexpr std::size_t kNeighborRange = 5;  // max. nodes between the ends of neighboring edges
+// Tolerated isolated loop closures; share of agreeing ones.
+constexpr double kMaxIsolated = 10, kMaxIsolatedShare = 0.1;
 
 /// Relative pose from node `a` to node `b` along steps_of() their graph; empty if a step is missing.
-std::optional<Way> along(const std::vector<const PoseGraph::Edge*>& step, std::size_t a, std::size_t b) {
-  Way way{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
+std::optional<RelativePose> along(const std::vector<const PoseGraph::Edge*>& step, std::size_t a, std::size_t b) {
+  RelativePose relative_pose{Eigen::Isometry3d::Identity(), Matrix6d::Zero()};
   for (std::size_t i = std::min(a, b); i < std::max(a, b); ++i) {
     if (step[i] == nullptr) return std::nullopt;
-    way = then(way, along(*step[i]));
+    relative_pose = compose(relative_pose, along(*step[i]));
   }
-  return a <= b ? way : reverse(way);
+  return a <= b ? relative_pose : inverse(relative_pose);
 }
 
 /// Pairwise consistency of loop closures (Mangelson et al. 2018). agrees: a neighboring loop closure, with both ends
@@ -38,18 +39,18 @@ std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double lim
   for (std::size_t k = 0; k < graph.edges.size(); ++k) {
     const auto& e = graph.edges[k];
     if (!e.is_loop_closure) continue;
-    const Way loop = along(e);
-    for (std::size_t i = e.i - std::min(e.i, kNeighbours); i <= std::min(e.i + kNeighbours, nodes - 1); ++i)
+    const RelativePose loop = along(e);
+    for (std::size_t i = e.i - std::min(e.i, kNeighborRange); i <= std::min(e.i + kNeighborRange, nodes - 1); ++i)
       for (const std::size_t other : from[i]) {
         const auto& o = graph.edges[other];
         if (other == k || (found[k] == Consistency::agrees && found[other] == Consistency::agrees)) continue;
-        if (std::max(o.j, e.j) - std::min(o.j, e.j) > kNeighbours) continue;
-        const auto there = along(step, e.i, o.i), back = along(step, o.j, e.j);
-        if (!there || !back) continue;
+        if (std::max(o.j, e.j) - std::min(o.j, e.j) > kNeighborRange) continue;
+        const auto start_offset = along(step, e.i, o.i), end_offset = along(step, o.j, e.j);
+        if (!start_offset || !end_offset) continue;
         // Round trip: along the other edge, then back along this one.
-        const Way around = then(then(then(*there, along(o)), *back), reverse(loop));
-        const Vector6d error = local_coordinates(around.pose);
-        const bool agree = error.dot(around.covariance.ldlt().solve(error)) < limit;
+        const RelativePose round_trip = compose(compose(compose(*start_offset, along(o)), *end_offset), inverse(loop));
+        const Vector6d error = local_coordinates(round_trip.pose);
+        const bool agree = error.dot(round_trip.covariance.ldlt().solve(error)) < limit;
         for (const std::size_t edge : {k, other})
           if (found[edge] != Consistency::agrees) found[edge] = agree ? Consistency::agrees : Consistency::contradicts;
       }
@@ -59,17 +60,17 @@ std::vector<Consistency> pairwise_consistency(const PoseGraph& graph, double lim
 
 }  // namespace
 
-std::vector<double> first_weights(const PoseGraph& graph, double limit) {
+std::vector<double> initial_weights(const PoseGraph& graph, double limit) {
   std::vector<double> weights(graph.edges.size(), 1.0);
   const std::vector<Consistency> found = pairwise_consistency(graph, limit);
   const auto agreeing = static_cast<double>(std::count(found.begin(), found.end(), Consistency::agrees));
-  double alone = 0;
+  double isolated = 0;
   for (std::size_t k = 0; k < weights.size(); ++k)
-    alone += graph.edges[k].is_loop_closure && found[k] == Consistency::none;
-  const bool too_many_alone = alone > kFewAlone + kShareAlone * agreeing;
+    isolated += graph.edges[k].is_loop_closure && found[k] == Consistency::none;
+  const bool too_many_isolated = isolated > kMaxIsolated + kMaxIsolatedShare * agreeing;
   for (std::size_t k = 0; k < weights.size(); ++k)
     if (graph.edges[k].is_loop_closure &&
-        (found[k] == Consistency::contradicts || (found[k] == Consistency::none && too_many_alone)))
+        (found[k] == Consistency::contradicts || (found[k] == Consistency::none && too_many_isolated)))
       weights[k] = 0;
   return weights;
 }

@@ -4,12 +4,12 @@
 #pragma once
 #include <vector>
 
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 
 namespace cairn {
 
 /// Initial weights of all edges: zero for loop closures contradicted by their neighbors, and for isolated ones if there
 /// are too many. `limit`: of the squared error in units of noise between two agreeing loop closures.
-[[nodiscard]] std::vector<double> first_weights(const PoseGraph& graph, double limit);
+[[nodiscard]] std::vector<double> initial_weights(const PoseGraph& graph, double limit);
 
 }  // namespace cairn

@@ -15,8 +15,8 @@ namespace {
 
 /// Edge error in units of its noise; rotation as twice the sine of half its angle.
 struct EdgeError {
-  Eigen::Quaterniond measured_turn;
-  Eigen::Vector3d measured_shift;
+  Eigen::Quaterniond measured_rotation;
+  Eigen::Vector3d measured_translation;
   Matrix6d root;  // of the weighted information: root^T root
 
   template <class T>
@@ -24,11 +24,11 @@ struct EdgeError {
     using Vector = Eigen::Matrix<T, 3, 1>;
     const Eigen::Map<const Eigen::Quaternion<T>> qi(from), qj(to);
     const Eigen::Map<const Vector> ti(from + 4), tj(to + 4);
-    const Eigen::Quaternion<T> turn = measured_turn.conjugate().cast<T>() * (qi.conjugate() * qj);
+    const Eigen::Quaternion<T> rotation = measured_rotation.conjugate().cast<T>() * (qi.conjugate() * qj);
     Eigen::Matrix<T, 6, 1> e;
-    e.template head<3>() = (turn.w() < T(0) ? T(-2) : T(2)) * turn.vec();
+    e.template head<3>() = (rotation.w() < T(0) ? T(-2) : T(2)) * rotation.vec();
     e.template tail<3>() =
-        measured_turn.conjugate().cast<T>() * (qi.conjugate() * (tj - ti) - measured_shift.cast<T>());
+        measured_rotation.conjugate().cast<T>() * (qi.conjugate() * (tj - ti) - measured_translation.cast<T>());
     Eigen::Map<Eigen::Matrix<T, 6, 1>>(error, 6) = root.cast<T>() * e;
     return true;
   }
@@ -51,11 +51,12 @@ struct AnchorError {
   NodePose at;
   template <class T>
   bool operator()(const T* node, T* error) const {
-    constexpr double kHold = 1e3;
+    constexpr double kAnchorWeight = 1e3;
     const Eigen::Map<const Eigen::Quaternion<T>> q(node);
-    const Eigen::Quaternion<T> turn = q * Eigen::Quaterniond(at[3], at[0], at[1], at[2]).conjugate().cast<T>();
-    error[0] = T(kHold) * turn.y();
-    for (int i = 0; i < 3; ++i) error[1 + i] = T(kHold) * (node[4 + i] - T(at[static_cast<std::size_t>(4 + i)]));
+    const Eigen::Quaternion<T> rotation = q * Eigen::Quaterniond(at[3], at[0], at[1], at[2]).conjugate().cast<T>();
+    error[0] = T(kAnchorWeight) * rotation.y();
+    for (int i = 0; i < 3; ++i)
+      error[1 + i] = T(kAnchorWeight) * (node[4 + i] - T(at[static_cast<std::size_t>(4 + i)]));
     return true;
   }
 };

@@ -5,7 +5,7 @@
 #include <array>
 #include <vector>
 
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 
 namespace cairn {
 

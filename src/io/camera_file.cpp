@@ -12,22 +12,23 @@
 #include <utility>
 #include <vector>
 
+#include "base/atomic_file.hpp"
 #include "base/words.hpp"
-#include "cairn/atomic_file.hpp"
-#include "cairn/known_cameras.hpp"
+#include "cairn/io/known_cameras.hpp"
 #include "io/intrinsics.hpp"
 #include "io/recording.hpp"
-#include "io/yaml_file.hpp"
+#include "options/yaml_file.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kLeastUnits = 1, kMostUnits = 1e6;   // depth image units per meter
-constexpr double kLeastRate = 1e-3, kMostRate = 1e5;  // Hz
+constexpr double kMinUnits = 1, kMaxUnits = 1e6;   // depth image units per meter
+constexpr double kMinRate = 1e-3, kMaxRate = 1e5;  // Hz
 constexpr const char* kLenses = "brown_conrady or fisheye";
 constexpr const char* kWeights = "by_distance or by_noise";
-constexpr double kUnit = 1e-14;   // rounding error of a squared norm around 1; keeps written quaternions bit-exact
-constexpr double kFarthest = 10;  // meters between the two cameras
+constexpr double kUnitTolerance =
+    1e-14;                           // rounding error of a squared norm around 1; keeps written quaternions bit-exact
+constexpr double kMaxBaseline = 10;  // meters between the two cameras
 
 /// Returns the node's value. Throws YAML::Exception with the key and the line.
 template <class T>
@@ -53,14 +54,14 @@ Camera read_camera(const YAML::Node& y) {
     *field = value_of<double>(y[name], name, "a number");
   }
   for (const auto& [name, field] : {std::pair{"width", &c.width}, {"height", &c.height}})
-    if (y[name]) *field = value_of<int>(y[name], name, "a whole number");
+    if (y[name]) *field = value_of<int>(y[name], name, "an integer");
   if (y["lens"]) {
     const auto lens = value_of<std::string>(y["lens"], "lens", kLenses);
     if (lens != "brown_conrady" && lens != "fisheye") throw std::runtime_error(fmt::format("`lens` takes {}", kLenses));
     c.lens = lens == "fisheye" ? Lens::fisheye : Lens::brown_conrady;
   }
   if (y["distortion"]) {
-    const char* expected = c.lens == Lens::fisheye ? "k1 k2 k3 k4" : "k1 k2 p1 p2 k3, and perhaps k4 k5 k6";
+    const char* expected = c.lens == Lens::fisheye ? "k1 k2 k3 k4" : "k1 k2 p1 p2 k3, optionally followed by k4 k5 k6";
     const auto d = value_of<std::vector<double>>(y["distortion"], "distortion", expected);
     if (c.lens == Lens::fisheye ? d.size() != 4 : d.size() != 5 && d.size() != 8)
       throw std::runtime_error(fmt::format("`distortion` takes {}", expected));
@@ -74,20 +75,20 @@ Camera read_camera(const YAML::Node& y) {
 Eigen::Quaterniond read_rotation(const YAML::Node& y) {
   const auto q = numbers(y, "rotation", 4, "qx qy qz qw");
   const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
-  if (!(std::abs(rotation.norm() - 1) <= 1e-2)) throw std::runtime_error("`rotation` is no unit quaternion");
-  return std::abs(rotation.squaredNorm() - 1) <= kUnit ? rotation : rotation.normalized();
+  if (!(std::abs(rotation.norm() - 1) <= 1e-2)) throw std::runtime_error("`rotation` is not a unit quaternion");
+  return std::abs(rotation.squaredNorm() - 1) <= kUnitTolerance ? rotation : rotation.normalized();
 }
 
-ColourCamera read_colour_camera(const YAML::Node& y) {
-  ColourCamera colour{.camera = read_camera(y)};
-  const auto t = numbers(y, "translation", 3, "x y z, metres");
-  for (const double metres : t)
-    if (!(std::abs(metres) <= kFarthest))
+ColorCamera read_color_camera(const YAML::Node& y) {
+  ColorCamera color{.camera = read_camera(y)};
+  const auto t = numbers(y, "translation", 3, "x y z, meters");
+  for (const double meters : t)
+    if (!(std::abs(meters) <= kMaxBaseline))
       throw std::runtime_error(
-          fmt::format("`translation` has {}, allowed is -{} to {} metres", metres, kFarthest, kFarthest));
-  colour.colour_from_depth.linear() = read_rotation(y).toRotationMatrix();
-  colour.colour_from_depth.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
-  return colour;
+          fmt::format("`translation` has {}, allowed: -{} to {} meters", meters, kMaxBaseline, kMaxBaseline));
+  color.color_from_depth.linear() = read_rotation(y).toRotationMatrix();
+  color.color_from_depth.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
+  return color;
 }
 
 /// `sensor: stereo`, or `sensor: {model: stereo, max_depth: 4}`.
@@ -102,9 +103,9 @@ SensorModel read_sensor(const YAML::Node& y) {
                                     {"min_depth", &m.min_depth},
                                     {"max_depth", &m.max_depth}})
     if (y[name]) *field = value_of<float>(y[name], name, "a number");
-  if (y["least_confidence"])
-    m.least_confidence = static_cast<std::uint8_t>(
-        std::clamp(value_of<int>(y["least_confidence"], "least_confidence", "0 to 255"), 0, 255));
+  for (const char* key : {"min_confidence", "least_confidence"})  // the second before version 0.2
+    if (y[key])
+      m.min_confidence = static_cast<std::uint8_t>(std::clamp(value_of<int>(y[key], key, "0 to 255"), 0, 255));
   if (y["weight"]) {
     const auto weight = value_of<std::string>(y["weight"], "weight", kWeights);
     if (weight != "by_distance" && weight != "by_noise")
@@ -119,7 +120,7 @@ DepthCorrection read_depth_correction(const YAML::Node& y) {
   if (!y.IsMap()) throw std::runtime_error("`depth_correction` takes lines such as `columns: 40`");
   DepthCorrection c;
   for (const auto& [name, field] : {std::pair{"columns", &c.columns}, {"rows", &c.rows}})
-    if (y[name]) *field = value_of<int>(y[name], name, "a whole number");
+    if (y[name]) *field = value_of<int>(y[name], name, "an integer");
   c.offsets = value_of<std::vector<float>>(y["offsets"], "offsets", "numbers, 1/m");
   check(c);
   return c;
@@ -140,25 +141,25 @@ std::string text_of(const DepthCorrection& c) {
 
 std::string sensor_text(const SensorModel& m) {
   if (m == SensorModel{}) return "";
-  if (name_of(m) != "custom") return fmt::format("sensor: {}\n", name_of(m));
+  if (to_string(m) != "custom") return fmt::format("sensor: {}\n", to_string(m));
   return fmt::format(
       "sensor:\n  floor: {}\n  growth: {}\n  sharpest: {}\n  min_depth: {}\n  max_depth: {}\n  weight: {}\n"
-      "  least_confidence: {}\n",
+      "  min_confidence: {}\n",
       m.floor, m.growth, m.sharpest, m.min_depth, m.max_depth,
-      m.weight == SensorModel::Weight::by_noise ? "by_noise" : "by_distance", m.least_confidence);
+      m.weight == SensorModel::Weight::by_noise ? "by_noise" : "by_distance", m.min_confidence);
 }
 
 }  // namespace
 
 void check_depth_scale(double units) {
-  if (!(units >= kLeastUnits && units <= kMostUnits))  // also rejects NaN
+  if (!(units >= kMinUnits && units <= kMaxUnits))  // also rejects NaN
     throw std::runtime_error(
-        fmt::format("depth_scale is {}, allowed is {} to {} units per metre", units, kLeastUnits, kMostUnits));
+        fmt::format("depth_scale is {}, allowed: {} to {} units per meter", units, kMinUnits, kMaxUnits));
 }
 
 void check_frame_rate(double hertz) {
-  if (!(hertz >= kLeastRate && hertz <= kMostRate))
-    throw std::runtime_error(fmt::format("`frame_rate` is {}, allowed is {} to {:.0f}", hertz, kLeastRate, kMostRate));
+  if (!(hertz >= kMinRate && hertz <= kMaxRate))
+    throw std::runtime_error(fmt::format("`frame_rate` is {}, allowed: {} to {:.0f} Hz", hertz, kMinRate, kMaxRate));
 }
 
 CameraFile read_camera_file(const std::filesystem::path& file) {
@@ -175,7 +176,8 @@ CameraFile read_camera_file(const std::filesystem::path& file) {
       read.frame_rate = value_of<double>(y["frame_rate"], "frame_rate", "a number");
       check_frame_rate(*read.frame_rate);
     }
-    if (y["colour"]) read.rig.colour = read_colour_camera(y["colour"]);
+    for (const char* key : {"color", "colour"})  // `colour` was written before version 0.2
+      if (y[key]) read.rig.color = read_color_camera(y[key]);
     if (y["sensor"]) read.rig.sensor = read_sensor(y["sensor"]);
     if (y["depth_correction"]) read.rig.depth_correction = read_depth_correction(y["depth_correction"]);
     if (y["imu"]) read.rig.camera_from_imu = read_rotation(y["imu"]);
@@ -194,7 +196,7 @@ CameraFile camera_named(const std::filesystem::path& file_or_name) {
   if (known == nullptr) {
     std::vector<std::string_view> names;
     for (const KnownCamera& camera : known_cameras()) names.push_back(camera.name);
-    throw std::runtime_error(fmt::format("{}: there is no such file, and no camera of this name; known are {}",
+    throw std::runtime_error(fmt::format("{}: is neither a file nor a known camera; known cameras: {}",
                                          file_or_name.string(), fmt::join(names, ", ")));
   }
   CameraFile file{.rig = known->camera, .has_size = false};
@@ -205,11 +207,11 @@ CameraFile camera_named(const std::filesystem::path& file_or_name) {
 Rig rig_named(const std::filesystem::path& file_or_name, const Rig& images) {
   const CameraFile file = camera_named(file_or_name);
   Rig rig = file.rig;
-  const auto told = [&](const Camera& camera, const Camera& given, const char* which) {
+  const auto fitted = [&](const Camera& camera, const Camera& given, const char* which) {
     if (camera.width == given.width && camera.height == given.height) return camera;
     const double stretch =
         static_cast<double>(given.width) * camera.height / (static_cast<double>(given.height) * camera.width);
-    if (known_camera(file_or_name.string()) != nullptr && std::abs(stretch - 1) <= kMostStretch)
+    if (known_camera(file_or_name.string()) != nullptr && std::abs(stretch - 1) <= kMaxAspectError)
       return scaled_to(camera, {given.width, given.height});
     throw std::runtime_error(fmt::format("{}: its {} camera has {}x{} pixels, the images have {}x{}",
                                          file_or_name.string(), which, camera.width, camera.height, given.width,
@@ -219,11 +221,11 @@ Rig rig_named(const std::filesystem::path& file_or_name, const Rig& images) {
     rig.depth.width = images.depth.width, rig.depth.height = images.depth.height;
     check(rig.depth);
   }
-  rig.depth = told(rig.depth, images.depth, "depth");
-  if (rig.colour)
-    rig.colour->camera = told(rig.colour->camera, images.colour_view(), "colour");
+  rig.depth = fitted(rig.depth, images.depth, "depth");
+  if (rig.color)
+    rig.color->camera = fitted(rig.color->camera, images.color_view(), "color");
   else
-    (void)told(rig.depth, images.colour_view(), "colour");
+    (void)fitted(rig.depth, images.color_view(), "color");
   return rig;
 }
 
@@ -253,11 +255,11 @@ std::string camera_file_text(const CameraFile& file) {
   if (const auto& q = file.rig.camera_from_imu)
     text += fmt::format("imu:  # camera_from_imu, [qx, qy, qz, qw]\n  rotation: [{}, {}, {}, {}]\n", q->x(), q->y(),
                         q->z(), q->w());
-  if (!file.rig.colour) return text;
-  const Eigen::Isometry3d& pose = file.rig.colour->colour_from_depth;
+  if (!file.rig.color) return text;
+  const Eigen::Isometry3d& pose = file.rig.color->color_from_depth;
   const Eigen::Quaterniond q(pose.linear());
-  return text + "colour:  # translation and rotation [qx, qy, qz, qw]: from the depth camera's frame to its own\n" +
-         lines(file.rig.colour->camera, "  ") +
+  return text + "color:  # translation and rotation [qx, qy, qz, qw]: from the depth camera's frame to its own\n" +
+         lines(file.rig.color->camera, "  ") +
          fmt::format("  translation: [{}, {}, {}]\n  rotation: [{}, {}, {}, {}]\n", pose.translation().x(),
                      pose.translation().y(), pose.translation().z(), q.x(), q.y(), q.z(), q.w());
 }

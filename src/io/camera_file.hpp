@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "cairn/rig.hpp"
+#include "cairn/mapping/rig.hpp"
 
 namespace cairn {
 
@@ -18,12 +18,12 @@ struct CameraFile {
 };
 
 /// Throw std::runtime_error with the value and the allowed range.
-void check_depth_scale(double units_per_metre);
+void check_depth_scale(double units_per_meter);
 void check_frame_rate(double hertz);
 
 /// Reads width, height, fx, fy, cx, cy, and optionally distortion [k1, k2, p1, p2, k3] followed by [k4, k5, k6], or
-/// lens: fisheye and distortion [k1, k2, k3, k4]; readout; depth_scale; frame_rate; `colour`: the same keys with
-/// translation [x, y, z] and rotation [qx, qy, qz, qw] of colour_from_depth; `sensor`: the name of a SensorModel or its
+/// lens: fisheye and distortion [k1, k2, k3, k4]; readout; depth_scale; frame_rate; `color`: the same keys with
+/// translation [x, y, z] and rotation [qx, qy, qz, qw] of color_from_depth; `sensor`: the name of a SensorModel or its
 /// fields; `imu`: rotation [qx, qy, qz, qw] of camera_from_imu. Throws std::runtime_error with file and line, or file
 /// and key.
 [[nodiscard]] CameraFile read_camera_file(const std::filesystem::path& file);

@@ -15,8 +15,7 @@ class FileBytes {
   /// Throws std::runtime_error with the file if it cannot be read or is empty.
   explicit FileBytes(const std::filesystem::path& file) : name_(file.string()), in_(file, std::ios::binary) {
     std::error_code ignored;
-    if (!std::filesystem::is_regular_file(file, ignored))
-      throw std::runtime_error(name_ + ": is no file that can be read");
+    if (!std::filesystem::is_regular_file(file, ignored)) throw std::runtime_error(name_ + ": is not a readable file");
     size_ = std::filesystem::file_size(file);
     if (!in_) throw std::runtime_error(name_ + ": cannot be read");
     if (size_ == 0) throw std::runtime_error(name_ + ": is empty; copy or download it again");
@@ -25,11 +24,11 @@ class FileBytes {
   [[nodiscard]] std::uint64_t size() const { return size_; }
   [[nodiscard]] std::uint64_t at() const { return at_; }
   [[nodiscard]] std::uint64_t left() const { return size_ - at_; }
-  /// `place` is at most size().
-  void seek(std::uint64_t place) {
-    at_ = place;
+  /// `position` is at most size().
+  void seek(std::uint64_t position) {
+    at_ = position;
     in_.clear();
-    in_.seekg(static_cast<std::streamoff>(place));
+    in_.seekg(static_cast<std::streamoff>(position));
   }
   /// Returns false if fewer bytes are left.
   [[nodiscard]] bool read(void* to, std::uint64_t count) {

@@ -29,10 +29,10 @@ struct Intrinsics {
 
 /// Lists unused files next to the images that may be meant as a camera, with their errors, as a clause ending in "; ";
 /// empty if there are none.
-[[nodiscard]] std::string passed_over_cameras(const std::filesystem::path& folder);
+[[nodiscard]] std::string unused_cameras_in(const std::filesystem::path& folder);
 
 /// Explains in one clause how to provide the camera: path and content of a minimal camera.yaml, and the alternatives of
 /// `--camera`.
-[[nodiscard]] std::string how_to_tell_the_camera(const std::filesystem::path& folder, const Camera& like);
+[[nodiscard]] std::string how_to_give_the_camera(const std::filesystem::path& folder, const Camera& example);
 
 }  // namespace cairn

@@ -3,7 +3,7 @@
 // Writers of folder layouts, each following the specification of its programs or data set. `folder` must be empty. The
 // caller has checked that the layout can represent the rig.
 #pragma once
-#include "cairn/layouts.hpp"
+#include "cairn/io/layouts.hpp"
 
 namespace cairn {
 
@@ -26,21 +26,21 @@ class ImageFolder {
  public:
   ImageFolder(std::filesystem::path folder, const Rig& rig) : folder_(std::move(folder)), rig_(rig) {}
   /// Writes a PNG, with the value `none` for missing measurements.
-  void write_depth(const std::string& name, const Frame& frame, double units_per_metre, std::uint16_t none = 0) const;
+  void write_depth(const std::string& name, const Frame& frame, double units_per_meter, std::uint16_t none = 0) const;
   /// Writes in the format of the name's extension; skips frames without color.
-  void write_colour(const std::string& name, const Frame& frame) const;
+  void write_color(const std::string& name, const Frame& frame) const;
   void write_text(const std::string& name, std::string_view text) const;
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] const Rig& rig() const { return rig_; }
   [[nodiscard]] const Camera& camera() const { return rig_.depth; }
 
  private:
-  [[nodiscard]] std::filesystem::path place(const std::string& name) const;
+  [[nodiscard]] std::filesystem::path path_of(const std::string& name) const;
   std::filesystem::path folder_;
   Rig rig_;
 };
 
 /// Formats a matrix row by row, with up to 17 digits.
-[[nodiscard]] std::string rows_of(const Eigen::Isometry3d& pose, int rows, std::string_view between);
+[[nodiscard]] std::string rows_of(const Eigen::Isometry3d& pose, int rows, std::string_view separator);
 
 }  // namespace cairn

@@ -51,20 +51,21 @@ void add_motion(const fs::path& folder, Recording& recording, double units_per_s
       std::minmax_element(recording.entries.begin(), recording.entries.end(),
                           [](const auto& a, const auto& b) { return a.timestamp < b.timestamp; });
   const double begin = first->timestamp, end = last->timestamp;
-  const auto is_beside = [&](const auto& samples, const char* name) {
-    const bool beside = !samples.empty() && (samples.back().timestamp < begin || samples.front().timestamp > end);
-    if (beside)
-      recording.warnings.push_back(fmt::format("the times of {} are not those of the images: it is not used", name));
-    return beside;
+  const auto is_disjoint = [&](const auto& samples, const char* name) {
+    const bool disjoint = !samples.empty() && (samples.back().timestamp < begin || samples.front().timestamp > end);
+    if (disjoint)
+      recording.warnings.push_back(
+          fmt::format("the times of {} do not overlap with those of the images: the file is not used", name));
+    return disjoint;
   };
   if (const fs::path file = folder / "accelerometer.txt"; fs::exists(file)) {
     const auto samples = read_samples(file, "ax ay az", units_per_second);
-    if (!is_beside(samples, "accelerometer.txt"))
+    if (!is_disjoint(samples, "accelerometer.txt"))
       for (auto& entry : recording.entries) entry.acceleration = mean_around(samples, entry.timestamp);
   }
   if (const fs::path file = folder / "gyroscope.txt"; fs::exists(file)) {
     recording.gyro = read_samples(file, "rx ry rz", units_per_second);
-    if (is_beside(recording.gyro, "gyroscope.txt")) recording.gyro.clear();
+    if (is_disjoint(recording.gyro, "gyroscope.txt")) recording.gyro.clear();
   }
   if (const fs::path file = folder / "groundtruth.txt"; recording.truth.empty() && fs::exists(file)) {
     recording.truth = read_trajectory(file);

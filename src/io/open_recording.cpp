@@ -11,34 +11,34 @@
 #include <stdexcept>
 
 #include "base/depth_image.hpp"
+#include "base/file_name.hpp"
 #include "base/image_file.hpp"
+#include "base/path_kind.hpp"
 #include "base/read_whole.hpp"
-#include "cairn/calibrate.hpp"
-#include "cairn/file_name.hpp"
-#include "cairn/known_cameras.hpp"
-#include "cairn/layouts.hpp"
-#include "cairn/path_kind.hpp"
-#include "cairn/source.hpp"
-#include "io/image_names.hpp"
+#include "cairn/io/find_color_camera.hpp"
+#include "cairn/io/known_cameras.hpp"
+#include "cairn/io/layouts.hpp"
+#include "cairn/io/source.hpp"
+#include "io/datasets/image_names.hpp"
+#include "io/datasets/sens.hpp"
+#include "io/datasets/zip_recording.hpp"
 #include "io/intrinsics.hpp"
-#include "io/part.hpp"
 #include "io/recording.hpp"
+#include "io/recording_segment.hpp"
 #include "io/resample.hpp"
-#include "io/sens.hpp"
-#include "io/zip_recording.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr float kFarthest = 1000;  // meters; larger values in float images mean "no measurement"
+constexpr float kMaxDepth = 1000;  // meters; larger values in float images mean "no measurement"
 /// Maximum pixel difference between a frame's own camera and the recording's without resampling: 0.6 mm at 3 m and 525
 /// pixels, below the resolution of depth cameras. Resampling smooths depth and takes time.
-constexpr double kNegligible = 0.1;
+constexpr double kMaxShift = 0.1;
 
 /// Returns a subfolder that holds depth images or a list of them.
-std::optional<fs::path> recording_below(const fs::path& folder) {
+std::optional<fs::path> recording_subfolder(const fs::path& folder) {
   std::error_code ignored;
   std::vector<fs::path> found;
   for (const auto& entry : fs::directory_iterator(folder, ignored))
@@ -55,13 +55,13 @@ void sort_by_time(Recording& recording) {
   std::stable_sort(recording.truth.begin(), recording.truth.end(), earlier);
   if (std::is_sorted(recording.entries.begin(), recording.entries.end(), earlier)) return;
   std::stable_sort(recording.entries.begin(), recording.entries.end(), earlier);
-  recording.notes.push_back("its images are not listed in the order of time: they are sorted by their times");
+  recording.notes.push_back("its images are not listed in time order: they are sorted by time");
 }
 
 Recording read_recording(const fs::path& folder) {
   if (!fs::exists(folder)) throw std::runtime_error(folder.string() + ": there is no such folder");
   if (!fs::is_directory(folder))
-    throw std::runtime_error(kind_of_path(folder).is_no(folder, "recording") +
+    throw std::runtime_error(kind_of_path(folder).mismatch(folder, "recording") +
                              "; give the folder that holds the recording");
   for (const auto read : {read_tum, read_associations, read_seven_scenes, read_stray_scanner, read_intrinsics_folder,
                           read_nerfstudio, read_record3d, read_polycam, read_rtabmap, read_replica, read_image_folder})
@@ -71,18 +71,20 @@ Recording read_recording(const fs::path& folder) {
     }
   using Kind = PathKind::Kind;
   const PathKind kind = kind_of_path(folder);
-  if (kind.kind != Kind::recording && !kind.remedy.empty()) throw std::runtime_error(kind.is_no(folder, "recording"));
-  if (const auto inside = recording_below(folder))
-    throw std::runtime_error(fmt::format("{}: no known recording, but {} in it looks like one: give that folder",
-                                         folder.string(), inside->filename().string()));
+  if (kind.kind != Kind::recording && !kind.remedy.empty())
+    throw std::runtime_error(kind.mismatch(folder, "recording"));
+  if (const auto subfolder = recording_subfolder(folder))
+    throw std::runtime_error(
+        fmt::format("{}: is not a known recording, but its subfolder {} looks like one: give that folder",
+                    folder.string(), subfolder->filename().string()));
   if (const std::size_t images = images_in(folder).size(); images > 0)
     throw std::runtime_error(
-        fmt::format("{}: no known recording: it holds {} images, none of them depth; depth images are looked for in "
-                    "depth, depths or depth_raw, or beside the others by `depth` in their names",
+        fmt::format("{}: is not a known recording: it has {} images, none of them depth; expected depth images in "
+                    "depth, depths or depth_raw, or with `depth` in their names",
                     folder.string(), images));
-  throw std::runtime_error(folder.string() + ": no known recording, it " + kind.words +
-                           "; expected depth images in depth and colour images in rgb, color or "
-                           "images, with camera.yaml or intrinsics.json beside (your own), rgb.txt and depth.txt "
+  throw std::runtime_error(folder.string() + ": is not a known recording, it " + kind.words +
+                           "; expected depth images in depth and color images in rgb, color or "
+                           "images, with camera.yaml or intrinsics.json (your own), rgb.txt and depth.txt "
                            "(TUM), frame-000000.depth.png (7-Scenes), associations.txt (ORB-SLAM, ICL-NUIM), "
                            "odometry.csv (Stray Scanner), transforms.json (nerfstudio), metadata.json (Record3D), "
                            "keyframes (Polycam), intrinsic.json or camera_intrinsic.json (Open3D), "
@@ -90,33 +92,33 @@ Recording read_recording(const fs::path& folder) {
                            "(rosbag2)");
 }
 
-/// Reads the folder's files, with the camera, unit and rate decided by settle_camera().
-Recording read_settled(const fs::path& folder, const fs::path& camera) {
+/// Reads the folder's files, with the camera, unit and rate decided by resolve_camera().
+Recording read_with_camera(const fs::path& folder, const fs::path& camera) {
   Recording recording = read_recording(folder);
-  settle_camera(folder, camera, recording);
+  resolve_camera(folder, camera, recording);
   if (!recording.is_plain) return recording;
   try {
     add_motion(folder, recording);
   } catch (const std::runtime_error& error) {  // file of another program's format
-    recording.warnings.push_back(fmt::format("{}: the file is not used", error.what()));
+    recording.warnings.push_back(fmt::format("{}; the file is not used", error.what()));
   }
   return recording;
 }
 
 /// Adds the properties found in sample images but missing from the files.
-Recording understand(const fs::path& folder, const fs::path& camera) {
-  Recording recording = read_settled(folder, camera);
-  see_images(recording);
+Recording analyze_recording(const fs::path& folder, const fs::path& camera) {
+  Recording recording = read_with_camera(folder, camera);
+  analyze_images(recording);
   if (const PathKind kind = kind_of_path(folder);
       recording.camera_is_missing && kind.kind == PathKind::Kind::images_of_recording)
-    throw std::runtime_error(kind.is_no(folder, "recording of its own"));
+    throw std::runtime_error(kind.mismatch(folder, "recording of its own"));
   if (recording.camera_is_missing)
-    throw std::runtime_error(fmt::format("{}: the camera is not known: {}{}{}", folder.string(),
-                                         recording.camera_missing_words, passed_over_cameras(folder),
-                                         how_to_tell_the_camera(folder, recording.rig.depth)));
-  const bool has_color = recording.colour_of || std::any_of(recording.entries.begin(), recording.entries.end(),
-                                                            [](const auto& entry) { return !entry.colour.empty(); });
-  if (!has_color) recording.notes.push_back("there is no color: depth alone is used");
+    throw std::runtime_error(fmt::format("{}: the camera is unknown: {}{}{}", folder.string(), recording.camera_hint,
+                                         unused_cameras_in(folder),
+                                         how_to_give_the_camera(folder, recording.rig.depth)));
+  const bool has_color = recording.color_of || std::any_of(recording.entries.begin(), recording.entries.end(),
+                                                           [](const auto& entry) { return !entry.color.empty(); });
+  if (!has_color) recording.notes.push_back("there is no color: only depth is used");
   return recording;
 }
 
@@ -125,15 +127,16 @@ struct SizedImage {
   Eigen::Vector2i size;
 };
 /// First image with the most common size among some color images; empty if none is readable.
-std::optional<SizedImage> usual_colour(const std::vector<Recording::Entry>& entries) {
-  constexpr std::size_t kLookedAt = 5;
+std::optional<SizedImage> common_color(const std::vector<Recording::Entry>& entries) {
+  constexpr std::size_t kMaxSamples = 5;
   std::vector<const fs::path*> files;
   for (const auto& entry : entries)
-    if (!entry.colour.empty()) files.push_back(&entry.colour);
+    if (!entry.color.empty()) files.push_back(&entry.color);
   std::vector<std::pair<SizedImage, int>> sizes;
-  for (std::size_t k = 0, read = 0; k < files.size() && read < kLookedAt; ++k) {
+  for (std::size_t k = 0, read = 0; k < files.size() && read < kMaxSamples; ++k) {
     // Evenly spread if readable, else one after another.
-    const std::size_t at = files.size() > kLookedAt && k < kLookedAt ? (files.size() - 1) * k / (kLookedAt - 1) : k;
+    const std::size_t at =
+        files.size() > kMaxSamples && k < kMaxSamples ? (files.size() - 1) * k / (kMaxSamples - 1) : k;
     const auto size = size_of_image(*files[at]);
     if (!size) continue;
     ++read;
@@ -143,33 +146,33 @@ std::optional<SizedImage> usual_colour(const std::vector<Recording::Entry>& entr
     else
       ++it->second;
   }
-  const auto most =
+  const auto largest =
       std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  return most == sizes.end() ? std::nullopt : std::optional(most->first);
+  return largest == sizes.end() ? std::nullopt : std::optional(largest->first);
 }
 
 /// Color size for layouts without a color camera: color is registered to depth, perhaps with another number of pixels.
-void find_colour_size(Recording& recording) {
+void find_color_size(Recording& recording) {
   const Camera& depth = recording.rig.depth;
-  if (recording.rig.colour) return;
-  const auto usual = usual_colour(recording.entries);
-  if (!usual || usual->size == Eigen::Vector2i(depth.width, depth.height)) return;
-  const auto& [file, size] = *usual;
+  if (recording.rig.color) return;
+  const auto common = common_color(recording.entries);
+  if (!common || common->size == Eigen::Vector2i(depth.width, depth.height)) return;
+  const auto& [file, size] = *common;
   const double stretch = static_cast<double>(size.x()) * depth.height / (static_cast<double>(size.y()) * depth.width);
-  if (!(std::abs(stretch - 1) <= kMostStretch)) {
+  if (!(std::abs(stretch - 1) <= kMaxAspectError)) {
     spdlog::warn(
-        fmt::format("{}: is {}x{}, of another shape than depth's {}x{}: colour is left out; tell its camera "
-                    "under `colour` of camera.yaml where the layout has one",
+        fmt::format("{}: is {}x{}, another aspect ratio than depth's {}x{}: color is not used; give its camera under "
+                    "`color` in camera.yaml if the layout has one",
                     file.string(), size.x(), size.y(), depth.width, depth.height));
     return;
   }
   Rig rig = recording.rig;
-  rig.colour = ColourCamera{.camera = scaled_to(depth, size)};
+  rig.color = ColorCamera{.camera = scaled_to(depth, size)};
   try {
     check(rig);
     recording.rig = rig;
   } catch (const std::runtime_error& error) {
-    spdlog::warn(fmt::format("{}: {}: colour is left out", file.string(), error.what()));
+    spdlog::warn(fmt::format("{}: {}; color is not used", file.string(), error.what()));
   }
 }
 
@@ -178,8 +181,8 @@ class RecordingSource final : public Source {
   RecordingSource(Recording recording, const FrameRange& range, bool depth_only = false)
       : recording_(std::move(recording)), range_(range), depth_only_(depth_only) {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors go into Frame::problem
-    find_colour_size(recording_);
-    depth_of_ = recording_.rig.depth, colour_of_ = recording_.rig.colour_view();
+    find_color_size(recording_);
+    depth_of_ = recording_.rig.depth, color_of_ = recording_.rig.color_view();
     end_ = static_cast<int>(recording_.entries.size());
     if (range.end) end_ = std::min(end_, *range.end);
     next_ = range.begin;
@@ -203,7 +206,7 @@ class RecordingSource final : public Source {
 
   std::optional<Frame> next() override {
     if (next_ >= end_) {
-      tell_colourless();
+      warn_about_missing_color();
       return std::nullopt;
     }
     const auto& entry = recording_.entries[static_cast<std::size_t>(next_)];
@@ -211,7 +214,7 @@ class RecordingSource final : public Source {
         .index = next_, .timestamp = entry.timestamp, .world_from_camera = {}, .acceleration = entry.acceleration};
     next_ += range_.step;
     if (entry.timestamp <= last_timestamp_) {
-      frame.problem = entry.depth.string() + ": its timestamp does not come after the one before";
+      frame.problem = entry.depth.string() + ": its timestamp is not after the previous one";
       return frame;
     }
     last_timestamp_ = entry.timestamp;
@@ -228,43 +231,43 @@ class RecordingSource final : public Source {
     }
     if (depth_only_) return frame;
     try {
-      if (!entry.colour.empty()) frame.colour = read_colour(entry.colour);
-      if (recording_.colour_of) frame.colour = recording_.colour_of(frame.index);
-      frame.colour_delay = entry.colour_delay;
+      if (!entry.color.empty()) frame.color = read_color(entry.color);
+      if (recording_.color_of) frame.color = recording_.color_of(frame.index);
+      frame.color_delay = entry.color_delay;
     } catch (const std::exception& error) {  // frames without color are still valid
-      if (++colourless_ == 1) first_colourless_ = fmt::format("{}: {}", entry.colour.string(), error.what());
+      if (++colorless_ == 1) first_colorless_ = fmt::format("{}: {}", entry.color.string(), error.what());
     }
     return frame;
   }
 
  private:
   /// Warns at the end, once.
-  void tell_colourless() {
-    if (colourless_ > 0)
-      spdlog::warn("{} of {} colour images are left out, their frames have depth alone; the first: {}", colourless_,
-                   (end_ - range_.begin + range_.step - 1) / range_.step, first_colourless_);
-    colourless_ = 0;
+  void warn_about_missing_color() {
+    if (colorless_ > 0)
+      spdlog::warn("{} of {} color images are not used, their frames have depth only; the first: {}", colorless_,
+                   (end_ - range_.begin + range_.step - 1) / range_.step, first_colorless_);
+    colorless_ = 0;
   }
 
   /// Sets up resampling if the camera differs from the previous frame's.
   void set_camera_of(const Recording::Entry& entry) {
     if (entry.camera == camera_ || (entry.camera && camera_ && *entry.camera == *camera_)) return;
     camera_ = entry.camera;
-    depth_of_ = recording_.rig.depth, colour_of_ = recording_.rig.colour_view();
+    depth_of_ = recording_.rig.depth, color_of_ = recording_.rig.color_view();
     if (camera_) {
-      depth_of_ = scaled_to(*camera_, own_size(*camera_, depth_of_));
-      colour_of_ = scaled_to(*camera_, own_size(*camera_, colour_of_));
+      depth_of_ = scaled_to(*camera_, scaled_size(*camera_, depth_of_));
+      color_of_ = scaled_to(*camera_, scaled_size(*camera_, color_of_));
     }
-    turned_depth_ = Resampler(recording_.rig.depth, depth_of_, kNegligible);
-    turned_colour_ = Resampler(recording_.rig.colour_view(), colour_of_, kNegligible);
+    depth_resampler_ = Resampler(recording_.rig.depth, depth_of_, kMaxShift);
+    color_resampler_ = Resampler(recording_.rig.color_view(), color_of_, kMaxShift);
   }
   /// Image size for a frame's camera, scaled by its size relative to the first frame's camera.
-  [[nodiscard]] Eigen::Vector2i own_size(const Camera& camera, const Camera& usual) const {
-    const Camera& all = *recording_.entries[0].camera;
+  [[nodiscard]] Eigen::Vector2i scaled_size(const Camera& camera, const Camera& image) const {
+    const Camera& first = *recording_.entries[0].camera;
     const auto side = [](int own, int its, int of) {
       return static_cast<int>(std::lround(static_cast<double>(own) * its / of));
     };
-    return {side(camera.width, usual.width, all.width), side(camera.height, usual.height, all.height)};
+    return {side(camera.width, image.width, first.width), side(camera.height, image.height, first.height)};
   }
 
   /// Stored size of depth images: the camera's, or larger if the images were enlarged.
@@ -283,13 +286,13 @@ class RecordingSource final : public Source {
       throw std::runtime_error(
           fmt::format("{} {}x{}, the camera {}x{}", what, image.cols, image.rows, expected.width, expected.height));
     if (columns.empty()) return image;
-    cv::Mat taken(c.height, c.width, image.type());
+    cv::Mat reduced(c.height, c.width, image.type());
     const std::size_t bytes = image.elemSize();
     for (int y = 0; y < c.height; ++y)
       for (int x = 0; x < c.width; ++x)
-        std::memcpy(taken.ptr(y, x), image.ptr(rows[static_cast<std::size_t>(y)], columns[static_cast<std::size_t>(x)]),
-                    bytes);
-    return taken;
+        std::memcpy(reduced.ptr(y, x),
+                    image.ptr(rows[static_cast<std::size_t>(y)], columns[static_cast<std::size_t>(x)]), bytes);
+    return reduced;
   }
 
   std::vector<float> read_depth(const fs::path& file) const {
@@ -306,25 +309,25 @@ class RecordingSource final : public Source {
         value = static_cast<std::uint16_t>(value << 8 | value >> 8);
       }
     std::vector<float> depth(static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height));
-    const float metres = static_cast<float>(1.0 / recording_.depth_scale);
+    const float meters = static_cast<float>(1.0 / recording_.depth_scale);
     const int invalid = recording_.invalid_depth;
     bool any = false;
     for (int y = 0; y < c.height; ++y) {
       float* out = &depth[static_cast<std::size_t>(y) * static_cast<std::size_t>(c.width)];
       if (image.type() == CV_16UC1) {
         const auto* row = image.ptr<std::uint16_t>(y);
-        for (int x = 0; x < c.width; ++x) out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * metres;
+        for (int x = 0; x < c.width; ++x) out[x] = row[x] == invalid ? 0.0f : static_cast<float>(row[x]) * meters;
       } else {
         const auto* row = image.ptr<float>(y);
         for (int x = 0; x < c.width; ++x) {
-          const float z = row[x] * metres;
-          out[x] = z > 0 && z < kFarthest ? z : 0.0f;  // also drops NaN
+          const float z = row[x] * meters;
+          out[x] = z > 0 && z < kMaxDepth ? z : 0.0f;  // also drops NaN
         }
       }
       any = any || std::any_of(out, out + c.width, [](float z) { return z > 0; });
     }
     if (!any) throw std::runtime_error("holds no measurement");
-    return turned_depth_.depth(std::move(depth));
+    return depth_resampler_.depth(std::move(depth));
   }
 
   std::vector<std::uint8_t> read_confidence(const fs::path& file) const {
@@ -334,20 +337,20 @@ class RecordingSource final : public Source {
     try {
       image = decode_image(read_whole(file), Pixels::as_stored,
                            size == stored ? ImageBound{.size = size}
-                                          : ImageBound{.size = {}, .most_side = std::max(stored.width, stored.height)});
+                                          : ImageBound{.size = {}, .max_side = std::max(stored.width, stored.height)});
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(std::string("its confidence ") + error.what());
     }
     if (image.size() != size) image = at_true_size(image, "its confidence is");
     if (image.type() != CV_8UC1) throw std::runtime_error("its confidence must be an 8-bit image with one channel");
-    if (recording_.most_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.most_confidence);
-    return turned_depth_.confidence({image.datastart, image.dataend});
+    if (recording_.max_confidence < 255) image.convertTo(image, CV_8U, 255 / recording_.max_confidence);
+    return depth_resampler_.confidence({image.datastart, image.dataend});
   }
 
-  std::vector<std::uint32_t> read_colour(const fs::path& file) const {
-    const Camera& c = colour_of_;
-    return turned_colour_.color(colour_pixels(
-        decode_image(read_whole(file), Pixels::rgba, {.size = {c.width, c.height}, .camera = "colour camera"})));
+  std::vector<std::uint32_t> read_color(const fs::path& file) const {
+    const Camera& c = color_of_;
+    return color_resampler_.color(color_pixels(
+        decode_image(read_whole(file), Pixels::rgba, {.size = {c.width, c.height}, .camera = "color camera"})));
   }
 
   Recording recording_;
@@ -355,12 +358,12 @@ class RecordingSource final : public Source {
   bool depth_only_;
   int next_ = 0, end_ = 0;
   std::shared_ptr<const Camera> camera_;  // camera of the current frame
-  Camera depth_of_, colour_of_;           // cameras of its images
-  Resampler turned_depth_, turned_colour_;
+  Camera depth_of_, color_of_;            // cameras of its images
+  Resampler depth_resampler_, color_resampler_;
   std::size_t gyro_ = 0;  // first sample not yet assigned to a frame
   double last_timestamp_ = -INFINITY;
-  int colourless_ = 0;  // frames with an unusable color image
-  std::string first_colourless_;
+  int colorless_ = 0;  // frames with an unusable color image
+  std::string first_colorless_;
 };
 
 /// Sets a pose field of each frame by its time.
@@ -381,9 +384,10 @@ class WithPoses final : public WrappedSource {
   Field field_;
 };
 
-class HoldsOut final : public WrappedSource {
+class HoldOutSource final : public WrappedSource {
  public:
-  HoldsOut(std::unique_ptr<Source> source, const HoldOut& which) : WrappedSource(std::move(source)), which_(which) {}
+  HoldOutSource(std::unique_ptr<Source> source, const HoldOut& which)
+      : WrappedSource(std::move(source)), which_(which) {}
   std::optional<Frame> next() override {
     auto frame = source_->next();
     if (frame) frame->held_out = is_held_out(frame->index - which_.range.begin);
@@ -410,9 +414,9 @@ std::optional<Eigen::Vector2i> size_of_image(const fs::path& file) {
   }
 }
 
-std::optional<Eigen::Vector2i> usual_color_size(const std::vector<Recording::Entry>& entries) {
-  const auto usual = usual_colour(entries);
-  return usual ? std::optional(usual->size) : std::nullopt;
+std::optional<Eigen::Vector2i> common_color_size(const std::vector<Recording::Entry>& entries) {
+  const auto common = common_color(entries);
+  return common ? std::optional(common->size) : std::nullopt;
 }
 
 Camera scaled_to(const Camera& camera, const Eigen::Vector2i& size) {
@@ -427,65 +431,62 @@ Camera scaled_to(const Camera& camera, const Eigen::Vector2i& size) {
   return c;
 }
 
-void set_rig_in_one_place(const Camera& colour, Recording& recording) {
-  recording.rig = colour;
+void set_registered_rig(const Camera& color, Recording& recording) {
+  recording.rig = color;
   for (const auto& entry : recording.entries) {
     const auto size = size_of_image(entry.depth);
     if (!size) continue;
-    if (*size == Eigen::Vector2i(colour.width, colour.height)) return;
+    if (*size == Eigen::Vector2i(color.width, color.height)) return;
     const double stretch =
-        static_cast<double>(size->x()) * colour.height / (static_cast<double>(size->y()) * colour.width);
-    if (!(std::abs(stretch - 1) <= kMostStretch))
+        static_cast<double>(size->x()) * color.height / (static_cast<double>(size->y()) * color.width);
+    if (!(std::abs(stretch - 1) <= kMaxAspectError))
       throw std::runtime_error(
-          fmt::format("{}: is {}x{}, another shape than the camera's {}x{}; depth must be seen from "
-                      "the colour camera's place",
-                      entry.depth.string(), size->x(), size->y(), colour.width, colour.height));
-    recording.rig = scaled_to(colour, *size);
-    if (std::any_of(recording.entries.begin(), recording.entries.end(),
-                    [](const auto& e) { return !e.colour.empty(); }))
-      recording.rig.colour = ColourCamera{.camera = colour};
+          fmt::format("{}: is {}x{}, another aspect ratio than the camera's {}x{}; depth must be registered to color",
+                      entry.depth.string(), size->x(), size->y(), color.width, color.height));
+    recording.rig = scaled_to(color, *size);
+    if (std::any_of(recording.entries.begin(), recording.entries.end(), [](const auto& e) { return !e.color.empty(); }))
+      recording.rig.color = ColorCamera{.camera = color};
     check(recording.rig);
     return;
   }
 }
 
-void set_cameras_of_frames(const std::vector<Camera>& cameras, Recording& recording) {
-  set_rig_in_one_place(cameras.at(0), recording);
+void set_frame_cameras(const std::vector<Camera>& cameras, Recording& recording) {
+  set_registered_rig(cameras.at(0), recording);
   if (std::all_of(cameras.begin(), cameras.end(), [&](const Camera& c) { return c == cameras[0]; })) return;
   std::shared_ptr<const Camera> last;
-  double least = cameras[0].fx, most = least;
+  double min_fx = cameras[0].fx, max_fx = min_fx;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     if (!last || *last != cameras[i]) last = std::make_shared<const Camera>(cameras[i]);
     recording.entries[i].camera = last;
-    least = std::min(least, cameras[i].fx), most = std::max(most, cameras[i].fx);
+    min_fx = std::min(min_fx, cameras[i].fx), max_fx = std::max(max_fx, cameras[i].fx);
   }
-  recording.understood.push_back(
-      {"intrinsics", fmt::format("of each frame, fx {:.2f} to {:.2f} pixels: frames are turned into the camera of the "
-                                 "first",
-                                 least, most)});
+  recording.interpretations.push_back(
+      {"intrinsics", fmt::format("per frame, fx {:.2f} to {:.2f} pixels: frames are resampled into the first camera",
+                                 min_fx, max_fx)});
 }
 
 std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptions& options) {
-  Recording recording = understand(folder, options.camera);
+  Recording recording = analyze_recording(folder, options.camera);
   for (const std::string& warning : recording.warnings) spdlog::warn("{}: {}", folder.string(), warning);
   for (const std::string& note : recording.notes) spdlog::info("{}: {}", folder.string(), note);
-  if (options.camera.empty() && options.find_colour_camera && !recording.colour_is_told) {
+  if (options.camera.empty() && options.find_color_camera && !recording.has_color_camera) {
     RecordingSource all(recording, {});
-    if (const auto rig = find_colour_camera(all)) {
+    if (const auto rig = find_color_camera(all)) {
       recording.rig = *rig;
-      if (recording.rig.colour) recording.rig.colour->camera.readout = recording.colour_readout;
+      if (recording.rig.color) recording.rig.color->camera.readout = recording.color_readout;
     }
   }
   return std::make_unique<RecordingSource>(std::move(recording), options.range, options.depth_only);
 }
 
-std::vector<Understood> understanding_of(const std::string& recording, const SourceOptions& options) {
-  if (const auto part = part_in(recording)) return understanding_of(part->recording, options);
+std::vector<Interpretation> interpretation_of(const std::string& recording, const SourceOptions& options) {
+  if (const auto segment = read_segment(recording)) return interpretation_of(segment->recording, options);
   if (is_zip(recording))
-    return unpacked(recording)->told_in_its_name(
-        [&](const std::string& inside) { return understanding_of(inside, options); });
+    return unpacked(recording)->with_archive_name(
+        [&](const std::string& content) { return interpretation_of(content, options); });
   if (!fs::is_directory(recording) || is_ros_recording(recording)) return {};
-  return understand(recording, options.camera).understood;
+  return analyze_recording(recording, options.camera).interpretations;
 }
 
 std::unique_ptr<Source> with_poses(std::unique_ptr<Source> source, Trajectory world_from_camera, double max_gap) {
@@ -497,8 +498,8 @@ std::unique_ptr<Source> hold_out(std::unique_ptr<Source> source, const HoldOut& 
   if (which.every == 0) return source;
   if (which.every < 2)
     throw std::runtime_error(
-        fmt::format("every {}. frame cannot be held out: give 2 or more, for example 10", which.every));
-  return std::make_unique<HoldsOut>(std::move(source), which);
+        fmt::format("frames cannot be held out at an interval of {}: give 2 or more, for example 10", which.every));
+  return std::make_unique<HoldOutSource>(std::move(source), which);
 }
 
 std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory guesses, double max_gap) {
@@ -506,22 +507,22 @@ std::unique_ptr<Source> with_guesses(std::unique_ptr<Source> source, Trajectory 
 }
 
 Trajectory device_poses(const fs::path& recording, const fs::path& camera) {
-  if (const auto part = part_in(recording)) return device_poses(part->recording, camera);
+  if (const auto segment = read_segment(recording)) return device_poses(segment->recording, camera);
   if (is_zip(recording))
-    return unpacked(recording)->told_in_its_name(
-        [&](const std::string& inside) { return device_poses(inside, camera); });
+    return unpacked(recording)->with_archive_name(
+        [&](const std::string& content) { return device_poses(content, camera); });
   if (!fs::is_directory(recording) || is_ros_recording(recording)) return {};
-  Recording read = read_settled(recording, camera);
+  Recording read = read_with_camera(recording, camera);
   return read.has_device_poses ? std::move(read.truth) : Trajectory{};
 }
 
 Trajectory recorded_truth(const fs::path& recording) {
   if (is_synthetic(recording.string())) return synthetic_truth(recording.string().substr(kSynthetic.size()));
-  if (const auto part = part_in(recording)) return recorded_truth(part->recording);
+  if (const auto segment = read_segment(recording)) return recorded_truth(segment->recording);
   if (is_zip(recording))
-    return unpacked(recording)->told_in_its_name([](const std::string& inside) { return recorded_truth(inside); });
+    return unpacked(recording)->with_archive_name([](const std::string& content) { return recorded_truth(content); });
   if (is_ros_recording(recording)) return {};
-  if (fs::is_directory(recording) || !fs::exists(recording)) return read_settled(recording, {}).truth;
+  if (fs::is_directory(recording) || !fs::exists(recording)) return read_with_camera(recording, {}).truth;
   const std::string extension = extension_of(recording);
   if (extension == ".mkv" || extension == ".oni") return {};
   return extension == ".sens" ? sens_truth(recording) : read_trajectory(recording);

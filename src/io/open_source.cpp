@@ -6,19 +6,19 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "base/colour_view.hpp"
-#include "cairn/file_name.hpp"
-#include "cairn/source.hpp"
-#include "io/as_taken_by.hpp"
-#include "io/azure_kinect.hpp"
+#include "base/file_name.hpp"
+#include "cairn/io/source.hpp"
+#include "geometry/color_view.hpp"
 #include "io/camera_file.hpp"
-#include "io/openni.hpp"
-#include "io/part.hpp"
-#include "io/record3d.hpp"
+#include "io/datasets/azure_kinect.hpp"
+#include "io/datasets/record3d.hpp"
+#include "io/datasets/sens.hpp"
+#include "io/datasets/zip_recording.hpp"
 #include "io/recording.hpp"
-#include "io/ros_source.hpp"
-#include "io/sens.hpp"
-#include "io/zip_recording.hpp"
+#include "io/recording_segment.hpp"
+#include "io/reproject_to.hpp"
+#include "io/ros/ros_source.hpp"
+#include "io/sensors/openni.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
@@ -87,31 +87,31 @@ class ZipSource final : public WrappedSource {
 
  private:
   [[nodiscard]] std::optional<std::string> named(std::optional<std::string> text) const {
-    if (text) text = zip_->in_its_name(*std::move(text));
+    if (text) text = zip_->by_archive_name(*std::move(text));
     return text;
   }
   std::shared_ptr<const UnpackedZip> zip_;
 };
 
 /// Frames of a recording segment.
-class PartSource final : public WrappedSource {
+class SegmentSource final : public WrappedSource {
  public:
-  PartSource(std::unique_ptr<Source> source, std::string part)
-      : WrappedSource(std::move(source)), part_(std::move(part)) {}
-  std::string layout() const override { return fmt::format("part {} of a plan: {}", part_, source_->layout()); }
+  SegmentSource(std::unique_ptr<Source> source, std::string segment)
+      : WrappedSource(std::move(source)), name_(std::move(segment)) {}
+  std::string layout() const override { return fmt::format("part {} of a plan: {}", name_, source_->layout()); }
   std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
   void skip() override { source_->skip(); }
   std::optional<Frame> next() override { return source_->next(); }
 
  private:
-  std::string part_;
+  std::string name_;
 };
 
-class WithColourOnDepth final : public WrappedSource {
+class RegisteredColorSource final : public WrappedSource {
  public:
-  explicit WithColourOnDepth(std::unique_ptr<Source> source)
+  explicit RegisteredColorSource(std::unique_ptr<Source> source)
       : WrappedSource(std::move(source)), view_(source_->rig()), rig_(source_->rig()) {
-    rig_.colour.reset();
+    rig_.color.reset();
   }
   const Rig& rig() const override { return rig_; }
   std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
@@ -123,14 +123,14 @@ class WithColourOnDepth final : public WrappedSource {
   }
 
  private:
-  ColourView view_;
+  ColorView view_;
   Rig rig_;
 };
 
 }  // namespace
 
-std::unique_ptr<Source> with_colour_on_depth(std::unique_ptr<Source> source) {
-  return source->rig().colour ? std::make_unique<WithColourOnDepth>(std::move(source)) : std::move(source);
+std::unique_ptr<Source> with_color_on_depth(std::unique_ptr<Source> source) {
+  return source->rig().color ? std::make_unique<RegisteredColorSource>(std::move(source)) : std::move(source);
 }
 
 std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::filesystem::path& camera_file) {
@@ -149,36 +149,33 @@ bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); 
 namespace {
 
 /// Resamples frames of a segment recorded with another camera than its project's.
-std::unique_ptr<Source> as_plan_needs(const std::string& part, std::unique_ptr<Source> source) {
-  const Rig rig = read_rig(std::filesystem::path(part) / kPartCamera);
+std::unique_ptr<Source> in_project_camera(const std::string& segment, std::unique_ptr<Source> source) {
+  const Rig rig = read_rig(std::filesystem::path(segment) / kPartCamera);
   try {
-    return as_taken_by(std::move(source), rig);
+    return reproject_to(std::move(source), rig);
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(
-        fmt::format("{}: its recording tells another camera than when it was planned: {}; bring back what it told",
-                    part, error.what()));
+    throw std::runtime_error(fmt::format(
+        "{}: the camera of its recording has changed since it was planned: {}; restore it", segment, error.what()));
   }
 }
 
-std::unique_ptr<Source> open_part(const std::string& folder, const RecordingPart& part, SourceOptions options) {
+std::unique_ptr<Source> open_segment(const std::string& folder, const RecordingSegment& segment,
+                                     SourceOptions options) {
   std::error_code ignored;
-  if (!is_synthetic(part.recording) && !std::filesystem::exists(part.recording, ignored))
-    throw std::runtime_error(
-        fmt::format("{}: its recording, {}, is not there: bring it back to where it was", folder, part.recording));
-  const FrameRange range = options.range = in_recording(part, options.range);
-  auto source = open_source(part.recording, options);
+  if (!is_synthetic(segment.recording) && !std::filesystem::exists(segment.recording, ignored))
+    throw std::runtime_error(fmt::format("{}: its recording, {}, is missing: restore it", folder, segment.recording));
+  const FrameRange range = options.range = to_recording_range(segment, options.range);
+  auto source = open_source(segment.recording, options);
   const int frames = *range.end > range.begin ? (*range.end - range.begin - 1) / range.step + 1 : 0;
   if (const auto size = source->size(); size && *size < frames)
-    throw std::runtime_error(
-        fmt::format("{}: its recording, {}, has fewer frames than it had when it was planned: "
-                    "bring back what it was",
-                    folder, part.recording));
-  if (part.other_camera) source = as_plan_needs(folder, std::move(source));
-  return std::make_unique<PartSource>(std::move(source), part.name);
+    throw std::runtime_error(fmt::format("{}: its recording, {}, has fewer frames than when it was planned: restore it",
+                                         folder, segment.recording));
+  if (segment.other_camera) source = in_project_camera(folder, std::move(source));
+  return std::make_unique<SegmentSource>(std::move(source), segment.name);
 }
 
 std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOptions& options) {
-  if (const auto part = part_in(name)) return open_part(name, *part, options);
+  if (const auto segment = read_segment(name)) return open_segment(name, *segment, options);
   const std::string extension = extension_of(name);
   if (name.starts_with(kSensor) || extension == ".oni") {
     const std::string uri = name.starts_with(kSensor) ? name.substr(kSensor.size()) : name;
@@ -186,8 +183,7 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
                                      options.range);
   }
   if (is_synthetic(name) && !options.camera.empty())
-    throw std::runtime_error(name +
-                             ": has its own camera: another one (SourceOptions::camera) is for recordings and sensors");
+    throw std::runtime_error(name + ": has its own camera: SourceOptions::camera is only for recordings and sensors");
   if (is_synthetic(name))
     return open_synthetic({.scene = name.substr(kSynthetic.size()),
                            .first = options.range.begin,
@@ -196,10 +192,10 @@ std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOption
   if (is_zip(name)) {
     auto zip = unpacked(name);
     if (zip->damage()) spdlog::warn(*zip->damage());
-    auto source = zip->told_in_its_name([&](const std::string& inside) { return open_source(inside, options); });
+    auto source = zip->with_archive_name([&](const std::string& content) { return open_source(content, options); });
     return std::make_unique<ZipSource>(std::move(zip), std::move(source));
   }
-  if (extension == ".r3d") throw std::runtime_error(how_to_read_r3d(name));
+  if (extension == ".r3d") throw std::runtime_error(r3d_advice(name));
   if (extension == ".mkv")
     return with_cameras(std::make_unique<InRange>(open_azure_kinect(name), options.range), options.camera);
   if (is_ros_recording(name))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/pose_convention.hpp"
+#include "cairn/io/pose_convention.hpp"
 
 #include <fmt/format.h>
 
@@ -59,60 +59,60 @@ std::vector<std::string_view> split(std::string_view text) {
   return parts;
 }
 
-std::runtime_error no_convention(std::string_view text, const std::string& why) {
+std::runtime_error invalid_convention(std::string_view text, const std::string& reason) {
   return std::runtime_error(fmt::format(
-      "'{}' is no convention of poses: {}; it is one or some of camera_from_world, wxyz, opengl, ros, unity, "
-      "axes=RIGHT,DOWN,FORWARD (as x,-y,-z), mm, cm, ft, km, scale=METRES and clock=SECONDS, joined by "
-      "commas",
-      shown(text), why));
+      "'{}' is not a pose convention: {}; give one or more of camera_from_world, wxyz, opengl, ros, unity, "
+      "axes=RIGHT,DOWN,FORWARD (as x,-y,-z), mm, cm, ft, km, scale=METERS and clock=SECONDS, separated by commas",
+      shown(text), reason));
 }
 
 /// Parser of a convention text; each kind of part may occur once.
 class Parsed {
  public:
   explicit Parsed(std::string_view text) : text_(text), parts_(split(text)) {
-    while (next_ < parts_.size()) take(parts_[next_++]);
+    while (next_ < parts_.size()) parse_part(parts_[next_++]);
   }
   [[nodiscard]] const PoseConvention& convention() const { return convention_; }
 
  private:
-  void take(std::string_view part) {
-    constexpr std::string_view kAxesOf = "axes=", kScaleOf = "scale=", kClockOf = "clock=";
+  void parse_part(std::string_view part) {
+    constexpr std::string_view kAxesPrefix = "axes=", kScalePrefix = "scale=", kClockPrefix = "clock=";
     const auto* const named = std::find_if(kAxes.begin(), kAxes.end(), [&](const auto& a) { return a.name == part; });
     const auto* const unit = std::find_if(kUnits.begin(), kUnits.end(), [&](const auto& u) { return u.first == part; });
     if (part == "wxyz") {
-      once(has_order_), convention_.quaternion_w_first = true;
+      set_once(has_order_), convention_.quaternion_w_first = true;
     } else if (part == "camera_from_world") {
-      once(has_direction_), convention_.camera_from_world = true;
+      set_once(has_direction_), convention_.camera_from_world = true;
     } else if (named != kAxes.end()) {
-      once(has_axes_), convention_.axes = axes_of(named->right, named->down, named->forward);
+      set_once(has_axes_), convention_.axes = axes_of(named->right, named->down, named->forward);
     } else if (unit != kUnits.end()) {
-      once(has_scale_), convention_.scale = unit->second;
-    } else if (part.starts_with(kAxesOf)) {
-      once(has_axes_), take_axes(part.substr(kAxesOf.size()));
-    } else if (part.starts_with(kScaleOf)) {
-      once(has_scale_), convention_.scale = number(part.substr(kScaleOf.size()));
-      if (!(convention_.scale > 0)) throw no_convention(text_, "a scale is more than 0");
-    } else if (part.starts_with(kClockOf)) {
-      once(has_clock_), convention_.clock = number(part.substr(kClockOf.size()));
+      set_once(has_scale_), convention_.scale = unit->second;
+    } else if (part.starts_with(kAxesPrefix)) {
+      set_once(has_axes_), parse_axes(part.substr(kAxesPrefix.size()));
+    } else if (part.starts_with(kScalePrefix)) {
+      set_once(has_scale_), convention_.scale = number(part.substr(kScalePrefix.size()));
+      if (!(convention_.scale > 0)) throw invalid_convention(text_, "the scale must be more than 0");
+    } else if (part.starts_with(kClockPrefix)) {
+      set_once(has_clock_), convention_.clock = number(part.substr(kClockPrefix.size()));
     } else {
-      throw no_convention(text_, fmt::format("'{}' has no meaning", shown(part)));
+      throw invalid_convention(text_, fmt::format("'{}' is unknown", shown(part)));
     }
   }
-  void take_axes(std::string_view right) {
-    if (next_ + 2 > parts_.size()) throw no_convention(text_, "axes= needs three directions");
+  void parse_axes(std::string_view right) {
+    if (next_ + 2 > parts_.size()) throw invalid_convention(text_, "axes= needs three directions");
     convention_.axes = axes_of(right, parts_[next_], parts_[next_ + 1]);
     next_ += 2;
     if (!(std::abs(convention_.axes.determinant()) > 0.5))
-      throw no_convention(text_, "axes= needs x, y and z once each, with or without a minus");
+      throw invalid_convention(text_, "axes= needs x, y and z once each, with or without a minus");
   }
   [[nodiscard]] double number(std::string_view word) const {
     const auto value = number_in(word);
-    if (!value || !std::isfinite(*value)) throw no_convention(text_, fmt::format("'{}' is no number", shown(word)));
+    if (!value || !std::isfinite(*value))
+      throw invalid_convention(text_, fmt::format("'{}' is not a number", shown(word)));
     return *value;
   }
-  void once(bool& has) const {
-    if (std::exchange(has, true)) throw no_convention(text_, "it says the same thing twice");
+  void set_once(bool& has) const {
+    if (std::exchange(has, true)) throw invalid_convention(text_, "it sets the same property twice");
   }
 
   std::string_view text_;
@@ -128,7 +128,7 @@ PoseConvention pose_convention(std::string_view text) {
   return text.empty() ? PoseConvention{} : Parsed(text).convention();
 }
 
-std::string name_of(const PoseConvention& c) {
+std::string to_string(const PoseConvention& c) {
   std::string all;
   const auto add = [&](const std::string& part) { all += (all.empty() ? "" : ",") + part; };
   if (c.quaternion_w_first) add("wxyz");

@@ -8,7 +8,7 @@
 
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
-#include "cairn/esdf.hpp"
+#include "cairn/mapping/esdf.hpp"
 
 namespace cairn {
 namespace {

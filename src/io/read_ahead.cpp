@@ -7,7 +7,7 @@
 #include <thread>
 #include <utility>
 
-#include "cairn/source.hpp"
+#include "cairn/io/source.hpp"
 
 namespace cairn {
 namespace {

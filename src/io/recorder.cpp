@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/recorder.hpp"
+#include "cairn/io/recorder.hpp"
 
 #include <fmt/format.h>
 
@@ -10,47 +10,48 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/atomic_file.hpp"
 #include "base/image_file.hpp"
-#include "cairn/atomic_file.hpp"
+#include "geometry/encode_frame.hpp"
 #include "io/camera_file.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr float kFarthest = 65535;                         // maximum unit value of a depth image
+constexpr float kMaxUnits = 65535;                         // maximum unit value of a depth image
 constexpr double kScales[] = {1000, 5000, 6553.5, 10000};  // common units per meter
 
 /// True if a file with this unit reproduces every depth value exactly.
-bool holds(const std::vector<float>& depth, double scale) {
-  const auto metres = static_cast<float>(1.0 / scale);
+bool reproduces(const std::vector<float>& depth, double scale) {
+  const auto meters = static_cast<float>(1.0 / scale);
   return std::all_of(depth.begin(), depth.end(), [&](float z) {
     const auto units = static_cast<float>(std::round(static_cast<double>(z) * scale));
-    return units <= kFarthest && units * metres == z;
+    return units <= kMaxUnits && units * meters == z;
   });
 }
 
 }  // namespace
 
 double exact_depth_scale(const Frame& frame) {
-  const auto* found =
-      std::find_if(std::begin(kScales), std::end(kScales), [&](double scale) { return holds(frame.depth, scale); });
+  const auto* found = std::find_if(std::begin(kScales), std::end(kScales),
+                                   [&](double scale) { return reproduces(frame.depth, scale); });
   return found == std::end(kScales) ? kTumDepthScale : *found;
 }
 
-EncodedFrame encode(const Frame& frame, const Rig& rig, bool colour_as_png, double depth_scale) {
+EncodedFrame encode(const Frame& frame, const Rig& rig, bool color_as_png, double depth_scale) {
   EncodedFrame encoded{.timestamp = frame.timestamp,
-                       .colour_delay = frame.colour_delay,
-                       .colour_extension = colour_as_png ? ".png" : ".jpg",
+                       .color_delay = frame.color_delay,
+                       .color_extension = color_as_png ? ".png" : ".jpg",
                        .acceleration = frame.acceleration,
                        .gyro = frame.gyro};
   encoded.depth = encode_depth(frame.depth, rig.depth, depth_scale);
   if (frame.confidence.size() == frame.depth.size())
     encoded.confidence = encode_png(
         cv::Mat(rig.depth.height, rig.depth.width, CV_8U, const_cast<std::uint8_t*>(frame.confidence.data())));
-  const Camera& view = rig.colour_view();
-  if (frame.colour.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height))
-    encoded.colour = encode_colour(frame.colour, view, encoded.colour_extension.c_str());
+  const Camera& view = rig.color_view();
+  if (frame.color.size() == static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height))
+    encoded.color = encode_color(frame.color, view, encoded.color_extension.c_str());
   return encoded;
 }
 
@@ -61,9 +62,8 @@ Recorder::Recorder(fs::path folder, const Rig& rig, double depth_scale) : folder
   fs::create_directories(folder_, error);
   for (const char* images : {"rgb", "depth"})
     if (!error && !fs::create_directory(folder_ / images, error) && !error)
-      throw std::runtime_error(folder_.string() +
-                               ": another program has just put something there; choose another folder");
-  if (error) throw std::runtime_error("cannot make the folder " + folder_.string() + ": " + error.message());
+      throw std::runtime_error(folder_.string() + ": another program just wrote to it; choose another folder");
+  if (error) throw std::runtime_error("cannot create the folder " + folder_.string() + ": " + error.message());
   write_whole(folder_ / "camera.yaml", camera_file_text({.rig = rig, .depth_scale = depth_scale}));
   for (const char* list : {"rgb.txt", "depth.txt"}) write_whole(folder_ / list, "# timestamp filename\n");
 }
@@ -71,17 +71,17 @@ Recorder::Recorder(fs::path folder, const Rig& rig, double depth_scale) : folder
 void Recorder::add(const EncodedFrame& frame) {
   const std::string name = fmt::format("{:.6f}", frame.timestamp);
   const std::string depth = "depth/" + name + ".png",
-                    colour_time = fmt::format("{:.6f}", frame.timestamp + frame.colour_delay),
-                    colour = "rgb/" + name + frame.colour_extension;
+                    color_time = fmt::format("{:.6f}", frame.timestamp + frame.color_delay),
+                    color = "rgb/" + name + frame.color_extension;
   // No wait for the disk: the sensor continues.
   write_whole(folder_ / depth, frame.depth, Durable::some_time);
-  if (!frame.colour.empty()) write_whole(folder_ / colour, frame.colour, Durable::some_time);
+  if (!frame.color.empty()) write_whole(folder_ / color, frame.color, Durable::some_time);
   if (!frame.confidence.empty()) {
     fs::create_directories(folder_ / "confidence");
     write_whole(folder_ / "confidence" / (name + ".png"), frame.confidence, Durable::some_time);
   }
-  bytes_ += frame.depth.size() + frame.colour.size();
-  if (!frame.colour.empty()) append("rgb.txt", colour_time + " " + colour + "\n");
+  bytes_ += frame.depth.size() + frame.color.size();
+  if (!frame.color.empty()) append("rgb.txt", color_time + " " + color + "\n");
   if (frame.acceleration)  // in a Kinect's axes: y up, z forward
     append("accelerometer.txt", fmt::format("{} {:.6f} {:.6f} {:.6f}\n", name, -frame.acceleration->x(),
                                             -frame.acceleration->y(), frame.acceleration->z()));

@@ -10,39 +10,39 @@ namespace cairn {
 namespace {
 
 constexpr float kJump = 0.05f;        // share of the depth, between neighbors on different surfaces
-constexpr float kNowhere = -1000.0f;  // pixels: outside of every image
+constexpr float kOutside = -1000.0f;  // pixels: outside of every image
 
-/// Positions in `from` of the rays of all pixels of `seen_by`.
-cv::Mat2f places(const Camera& seen_by, const Camera& from) {
-  cv::Mat2f all(seen_by.height, seen_by.width);
-  if (!seen_by.distorted() && !from.distorted()) {
+/// Positions in `from` of the rays of all pixels of `target`.
+cv::Mat2f remap_table(const Camera& target, const Camera& from) {
+  cv::Mat2f all(target.height, target.width);
+  if (!target.distorted() && !from.distorted()) {
     for (int y = 0; y < all.rows; ++y)
       for (int x = 0; x < all.cols; ++x)
-        all(y, x) = cv::Vec2f(static_cast<float>(from.fx * ((x - seen_by.cx) / seen_by.fx) + from.cx),
-                              static_cast<float>(from.fy * ((y - seen_by.cy) / seen_by.fy) + from.cy));
+        all(y, x) = cv::Vec2f(static_cast<float>(from.fx * ((x - target.cx) / target.fx) + from.cx),
+                              static_cast<float>(from.fy * ((y - target.cy) / target.fy) + from.cy));
     return all;
   }
-  const double widest = from.widest_ray();
+  const double max_ray = from.widest_ray();
   for (int y = 0; y < all.rows; ++y)
     for (int x = 0; x < all.cols; ++x) {
-      const Eigen::Vector2d ray = seen_by.undistorted_ray(x, y);
-      const Eigen::Vector2d bent = from.distort(ray);
-      all(y, x) = ray.norm() > widest ? cv::Vec2f(kNowhere, kNowhere)
-                                      : cv::Vec2f(static_cast<float>(from.fx * bent.x() + from.cx),
-                                                  static_cast<float>(from.fy * bent.y() + from.cy));
+      const Eigen::Vector2d ray = target.undistorted_ray(x, y);
+      const Eigen::Vector2d distorted = from.distort(ray);
+      all(y, x) = ray.norm() > max_ray ? cv::Vec2f(kOutside, kOutside)
+                                       : cv::Vec2f(static_cast<float>(from.fx * distorted.x() + from.cx),
+                                                   static_cast<float>(from.fy * distorted.y() + from.cy));
     }
   return all;
 }
 
-/// True if no pixel moves by more than `most` pixels. Without distortion the corners move most.
-bool is_near(const Camera& a, const Camera& b, double most) {
+/// True if no pixel moves by more than `max_shift` pixels. Without distortion the corners move most.
+bool is_equal_within(const Camera& a, const Camera& b, double max_shift) {
   if (a == b) return true;
-  if (most <= 0 || a.width != b.width || a.height != b.height || a.lens != b.lens || a.distortion != b.distortion)
+  if (max_shift <= 0 || a.width != b.width || a.height != b.height || a.lens != b.lens || a.distortion != b.distortion)
     return false;
   for (const int x : {0, a.width - 1})
     for (const int y : {0, a.height - 1}) {
       const Eigen::Vector2d ray((x - a.cx) / a.fx, (y - a.cy) / a.fy);
-      if (!(std::hypot(b.fx * ray.x() + b.cx - x, b.fy * ray.y() + b.cy - y) <= most)) return false;
+      if (!(std::hypot(b.fx * ray.x() + b.cx - x, b.fy * ray.y() + b.cy - y) <= max_shift)) return false;
     }
   return true;
 }
@@ -64,31 +64,31 @@ float depth_between(const cv::Mat1f& depth, float u, float v) {
 
 }  // namespace
 
-Resampler::Resampler(const Camera& seen_by, const Camera& from, double negligible) : from_(from.width, from.height) {
-  if (!is_near(seen_by, from, negligible)) places_ = places(seen_by, from);
+Resampler::Resampler(const Camera& target, const Camera& from, double max_shift) : from_(from.width, from.height) {
+  if (!is_equal_within(target, from, max_shift)) map_ = remap_table(target, from);
 }
 
 std::vector<float> Resampler::depth(std::vector<float> image) const {
   if (is_identity()) return image;
   const cv::Mat1f from(from_.height, from_.width, image.data());
-  std::vector<float> all(places_.total());
-  std::transform(places_.begin(), places_.end(), all.begin(),
+  std::vector<float> all(map_.total());
+  std::transform(map_.begin(), map_.end(), all.begin(),
                  [&](const cv::Vec2f& place) { return depth_between(from, place[0], place[1]); });
   return all;
 }
 
 std::vector<std::uint32_t> Resampler::color(std::vector<std::uint32_t> image) const {
   if (is_identity()) return image;
-  cv::Mat all(places_.size(), CV_8UC4);
-  cv::remap(cv::Mat(from_, CV_8UC4, image.data()), all, places_, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  cv::Mat all(map_.size(), CV_8UC4);
+  cv::remap(cv::Mat(from_, CV_8UC4, image.data()), all, map_, cv::noArray(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   const auto* pixels = all.ptr<std::uint32_t>();
   return {pixels, pixels + all.total()};
 }
 
 std::vector<std::uint8_t> Resampler::confidence(std::vector<std::uint8_t> image) const {
   if (is_identity()) return image;
-  std::vector<std::uint8_t> all(places_.total());
-  std::transform(places_.begin(), places_.end(), all.begin(), [&](const cv::Vec2f& place) -> std::uint8_t {
+  std::vector<std::uint8_t> all(map_.total());
+  std::transform(map_.begin(), map_.end(), all.begin(), [&](const cv::Vec2f& place) -> std::uint8_t {
     const int x = static_cast<int>(std::lround(place[0])), y = static_cast<int>(std::lround(place[1]));
     return x < 0 || y < 0 || x >= from_.width || y >= from_.height
                ? 0

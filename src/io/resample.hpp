@@ -6,19 +6,19 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "cairn/camera.hpp"
+#include "cairn/mapping/camera.hpp"
 
 namespace cairn {
 
-/// Resamples images of camera `from` into camera `seen_by` at the same pose: each target pixel shows the source image
+/// Resamples images of camera `from` into camera `target` at the same pose: each target pixel shows the source image
 /// along its ray, and has no depth outside the source image. Images are returned unchanged if every pixel moves by at
-/// most `negligible` pixels and the size is the same.
+/// most `max_shift` pixels and the size is the same.
 class Resampler {
  public:
   Resampler() = default;
-  Resampler(const Camera& seen_by, const Camera& from, double negligible = 0);
+  Resampler(const Camera& target, const Camera& from, double max_shift = 0);
   /// True if images are returned unchanged.
-  [[nodiscard]] bool is_identity() const { return places_.empty(); }
+  [[nodiscard]] bool is_identity() const { return map_.empty(); }
   /// Resamples depth in meters: inverse depth is interpolated within a surface, and the nearest pixel is used across
   /// surfaces.
   [[nodiscard]] std::vector<float> depth(std::vector<float> image) const;
@@ -29,7 +29,7 @@ class Resampler {
 
  private:
   cv::Size from_;
-  cv::Mat2f places_;  // x and y in `from`, pixels
+  cv::Mat2f map_;  // x and y in `from`, pixels
 };
 
 }  // namespace cairn

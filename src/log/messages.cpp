@@ -13,9 +13,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kPointStep = 4;            // pixels between logged points
-constexpr double kUnitsPerMetre = 1000;  // of depth images, as in ROS
-constexpr JpegEffort kColour{.quality = 85};
+constexpr int kPointStride = 4;          // pixels between logged points
+constexpr double kUnitsPerMeter = 1000;  // of depth images, as in ROS
+constexpr JpegEffort kColor{.quality = 85};
 
 ProtoMessage at(LogTime time) {
   constexpr LogTime kSecond = 1'000'000'000;
@@ -46,7 +46,7 @@ std::string_view bytes_of(const std::vector<T>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
 }
 
-ProtoMessage colour_message(const std::array<std::uint8_t, 4>& c) {
+ProtoMessage color_message(const std::array<std::uint8_t, 4>& c) {
   return ProtoMessage("foxglove.Color")
       .put("r", c[0] / 255.0)
       .put("g", c[1] / 255.0)
@@ -54,16 +54,16 @@ ProtoMessage colour_message(const std::array<std::uint8_t, 4>& c) {
       .put("a", 1.0);
 }
 
-std::string entity_of(const SurfacePart& part) {
+std::string entity_of(const SurfaceBlock& part) {
   return fmt::format("{} {} {} {}", part.submap, part.cell.x(), part.cell.y(), part.cell.z());
 }
 
-ProtoMessage entity_message(LogTime time, const SurfacePart& part) {
+ProtoMessage entity_message(LogTime time, const SurfaceBlock& part) {
   const Mesh& mesh = part.mesh;
   ProtoMessage triangles("foxglove.TriangleListPrimitive");
   triangles.put("pose", pose_message(Eigen::Isometry3d::Identity()));
   for (const auto& p : mesh.positions) triangles.put("points", xyz("foxglove.Point3", p));
-  for (const auto& c : mesh.colours) triangles.put("colors", colour_message(c));
+  for (const auto& c : mesh.colors) triangles.put("colors", color_message(c));
   std::vector<std::uint32_t> indices;
   indices.reserve(3 * mesh.triangles.size());
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
@@ -74,22 +74,22 @@ ProtoMessage entity_message(LogTime time, const SurfacePart& part) {
 }
 
 /// Rounds to a quarter of a millimeter: point clouds then compress to two thirds of the size.
-float rounded(double metres) {
+float rounded(double meters) {
   constexpr double kSteps = 4096;
-  return static_cast<float>(std::round(metres * kSteps) / kSteps);
+  return static_cast<float>(std::round(meters * kSteps) / kSteps);
 }
 
 /// Color of a point in the depth camera's frame, if visible to the color camera; pixels are R, G, B, 255.
-std::optional<std::uint32_t> colour_of(const Eigen::Vector3d& point, const ColourCamera& colour, const Frame& frame) {
-  const Eigen::Vector3d p = colour.colour_from_depth * point;
+std::optional<std::uint32_t> color_of(const Eigen::Vector3d& point, const ColorCamera& color, const Frame& frame) {
+  const Eigen::Vector3d p = color.color_from_depth * point;
   if (p.z() <= 0) return std::nullopt;
-  const Camera& camera = colour.camera;
+  const Camera& camera = color.camera;
   const Eigen::Vector2d ray = camera.distort(p.head<2>() / p.z());
   const auto u = static_cast<int>(std::lround(camera.fx * ray.x() + camera.cx)),
              v = static_cast<int>(std::lround(camera.fy * ray.y() + camera.cy));
   if (u < 0 || v < 0 || u >= camera.width || v >= camera.height) return std::nullopt;
   return frame
-      .colour[static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(u)];
+      .color[static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width) + static_cast<std::size_t>(u)];
 }
 
 }  // namespace
@@ -131,12 +131,12 @@ ProtoMessage calibration_message(LogTime time, std::string_view frame, const Cam
       .put("P", std::span<const double>(p));
 }
 
-ProtoMessage colour_image_message(LogTime time, std::string_view frame, const Frame& of, const Camera& camera) {
-  const cv::Mat pixels(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(of.colour.data()));
+ProtoMessage color_image_message(LogTime time, std::string_view frame, const Frame& of, const Camera& camera) {
+  const cv::Mat pixels(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(of.color.data()));
   return ProtoMessage("foxglove.CompressedImage")
       .put("timestamp", at(time))
       .put("frame_id", frame)
-      .put("data", bytes_of(encode_jpeg(pixels, kColour)))
+      .put("data", bytes_of(encode_jpeg(pixels, kColor)))
       .put("format", "jpeg");
 }
 
@@ -148,25 +148,25 @@ ProtoMessage depth_image_message(LogTime time, std::string_view frame, const Fra
       .put("height", camera.height)
       .put("encoding", "16UC1")
       .put("step", 2 * camera.width)
-      .put("data", bytes_of(depth_units(of.depth, kUnitsPerMetre)));
+      .put("data", bytes_of(depth_units(of.depth, kUnitsPerMeter)));
 }
 
 ProtoMessage points_message(LogTime time, std::string_view frame, const Frame& of, const Rig& rig) {
   enum NumericType { kUint8 = 1, kFloat32 = 7 };
   struct Point {
     float x, y, z;
-    std::uint32_t colour;
+    std::uint32_t color;
   };
-  const ColourCamera colour = rig.colour.value_or(ColourCamera{.camera = rig.depth});
+  const ColorCamera color = rig.color.value_or(ColorCamera{.camera = rig.depth});
   std::vector<Point> points;
-  for (int v = 0; v < rig.depth.height; v += kPointStep)
-    for (int u = 0; u < rig.depth.width; u += kPointStep) {
+  for (int v = 0; v < rig.depth.height; v += kPointStride)
+    for (int u = 0; u < rig.depth.width; u += kPointStride) {
       const auto z = static_cast<double>(of.depth[static_cast<std::size_t>(v * rig.depth.width + u)]);
       if (z <= 0) continue;
       const Eigen::Vector2d ray = rig.depth.undistorted_ray(u, v);
       const Eigen::Vector3d p(ray.x() * z, ray.y() * z, z);
-      constexpr std::uint32_t kGrey = 0xffa0a0a0;
-      const std::uint32_t seen = of.colour.empty() ? kGrey : colour_of(p, colour, of).value_or(kGrey);
+      constexpr std::uint32_t kGray = 0xffa0a0a0;
+      const std::uint32_t seen = of.color.empty() ? kGray : color_of(p, color, of).value_or(kGray);
       points.push_back({rounded(p.x()), rounded(p.y()), rounded(z), seen});
     }
   ProtoMessage message("foxglove.PointCloud");
@@ -180,13 +180,13 @@ ProtoMessage points_message(LogTime time, std::string_view frame, const Frame& o
   add("y", offsetof(Point, y), kFloat32);
   add("z", offsetof(Point, z), kFloat32);
   for (std::size_t i = 0; const char* name : {"red", "green", "blue", "alpha"})
-    add(name, offsetof(Point, colour) + i++, kUint8);
+    add(name, offsetof(Point, color) + i++, kUint8);
   return message.put("data", bytes_of(points));
 }
 
-ProtoMessage surface_message(LogTime time, std::span<const SurfacePart> parts) {
+ProtoMessage surface_message(LogTime time, std::span<const SurfaceBlock> parts) {
   ProtoMessage scene("foxglove.SceneUpdate");
-  for (const SurfacePart& part : parts)
+  for (const SurfaceBlock& part : parts)
     if (part.mesh.triangles.empty())
       scene.put("deletions", ProtoMessage("foxglove.SceneEntityDeletion")
                                  .put("timestamp", at(time))

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Messages of a run log, with Foxglove's schemas and Cairn's own. Times are nanoseconds; frames are names of coordinate
-// frames (docs/formats.md).
+// frames (docs/outputs.md).
 #pragma once
 #include <Eigen/Geometry>
 #include <cstdint>
@@ -9,10 +9,10 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/frame.hpp"
-#include "cairn/live_surface.hpp"
-#include "cairn/reports.hpp"
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/mapping/live_surface.hpp"
+#include "cairn/mapping/reports.hpp"
+#include "cairn/mapping/trajectory.hpp"
 #include "log/protobuf.hpp"
 
 namespace cairn {
@@ -28,8 +28,8 @@ struct NamedTransform {
 
 [[nodiscard]] ProtoMessage calibration_message(LogTime time, std::string_view frame, const Camera& camera);
 /// Encoded as JPEG.
-[[nodiscard]] ProtoMessage colour_image_message(LogTime time, std::string_view frame, const Frame& of,
-                                                const Camera& camera);
+[[nodiscard]] ProtoMessage color_image_message(LogTime time, std::string_view frame, const Frame& of,
+                                               const Camera& camera);
 /// Millimeters in 16 bits; 0: no measurement, or more than 65 m.
 [[nodiscard]] ProtoMessage depth_image_message(LogTime time, std::string_view frame, const Frame& of,
                                                const Camera& camera);
@@ -37,7 +37,7 @@ struct NamedTransform {
 [[nodiscard]] ProtoMessage points_message(LogTime time, std::string_view frame, const Frame& of, const Rig& rig);
 
 /// One entity per part, replacing the previous one; empty parts are deleted. Each is fixed to its submap's frame.
-[[nodiscard]] ProtoMessage surface_message(LogTime time, std::span<const SurfacePart> parts);
+[[nodiscard]] ProtoMessage surface_message(LogTime time, std::span<const SurfaceBlock> parts);
 /// Deletes all entities of surface_message().
 [[nodiscard]] ProtoMessage no_surface_message(LogTime time);
 [[nodiscard]] std::string submap_frame(int submap);

@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-constexpr bool kMany = true;  // repeated field
+constexpr bool kRepeated = true;  // repeated field
 constexpr std::string_view kTime = "google.protobuf.Timestamp";
 
 /// Schemas for times and for schema descriptors.
@@ -22,21 +22,21 @@ std::vector<ProtoSchema> times_and_descriptors() {
       {"google.protobuf.Timestamp", {{"seconds", 1, int64}, {"nanos", 2, int32}}},
       {"google.protobuf.Duration", {{"seconds", 1, int64}, {"nanos", 2, int32}}},
 
-      {"google.protobuf.FileDescriptorSet", {{"file", 1, message, "google.protobuf.FileDescriptorProto", kMany}}},
+      {"google.protobuf.FileDescriptorSet", {{"file", 1, message, "google.protobuf.FileDescriptorProto", kRepeated}}},
       {"google.protobuf.FileDescriptorProto",
        {{"name", 1, text},
         {"package", 2, text},
-        {"dependency", 3, text, {}, kMany},
-        {"message_type", 4, message, "google.protobuf.DescriptorProto", kMany},
+        {"dependency", 3, text, {}, kRepeated},
+        {"message_type", 4, message, "google.protobuf.DescriptorProto", kRepeated},
         {"syntax", 12, text}}},
       {"google.protobuf.DescriptorProto",
        {{"name", 1, text},
-        {"field", 2, message, "google.protobuf.FieldDescriptorProto", kMany},
-        {"enum_type", 4, message, "google.protobuf.EnumDescriptorProto", kMany}}},
+        {"field", 2, message, "google.protobuf.FieldDescriptorProto", kRepeated},
+        {"enum_type", 4, message, "google.protobuf.EnumDescriptorProto", kRepeated}}},
       {"google.protobuf.FieldDescriptorProto",
        {{"name", 1, text}, {"number", 3, int32}, {"label", 4, int32}, {"type", 5, int32}, {"type_name", 6, text}}},
       {"google.protobuf.EnumDescriptorProto",
-       {{"name", 1, text}, {"value", 2, message, "google.protobuf.EnumValueDescriptorProto", kMany}}},
+       {{"name", 1, text}, {"value", 2, message, "google.protobuf.EnumValueDescriptorProto", kRepeated}}},
       {"google.protobuf.EnumValueDescriptorProto", {{"name", 1, text}, {"number", 2, int32}}},
   };
 }
@@ -56,9 +56,9 @@ std::vector<ProtoSchema> frames_and_poses() {
         {"child_frame_id", 3, text},
         {"translation", 4, message, "foxglove.Vector3"},
         {"rotation", 5, message, "foxglove.Quaternion"}}},
-      {"foxglove.FrameTransforms", {{"transforms", 1, message, "foxglove.FrameTransform", kMany}}},
+      {"foxglove.FrameTransforms", {{"transforms", 1, message, "foxglove.FrameTransform", kRepeated}}},
       {"foxglove.PosesInFrame",
-       {{"timestamp", 1, message, kTime}, {"frame_id", 2, text}, {"poses", 3, message, "foxglove.Pose", kMany}}},
+       {{"timestamp", 1, message, kTime}, {"frame_id", 2, text}, {"poses", 3, message, "foxglove.Pose", kRepeated}}},
   };
 }
 
@@ -81,10 +81,10 @@ std::vector<ProtoSchema> sensors_and_texts() {
         {"width", 2, fixed32},
         {"height", 3, fixed32},
         {"distortion_model", 4, text},
-        {"D", 5, float64, {}, kMany},
-        {"K", 6, float64, {}, kMany},
-        {"R", 7, float64, {}, kMany},
-        {"P", 8, float64, {}, kMany}}},
+        {"D", 5, float64, {}, kRepeated},
+        {"K", 6, float64, {}, kRepeated},
+        {"R", 7, float64, {}, kRepeated},
+        {"P", 8, float64, {}, kRepeated}}},
       {"foxglove.PackedElementField",
        {{"name", 1, text}, {"offset", 2, fixed32}, {"type", 3, enumeration, "NumericType"}},
        {{"NumericType", {"UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64"}}}},
@@ -93,7 +93,7 @@ std::vector<ProtoSchema> sensors_and_texts() {
         {"frame_id", 2, text},
         {"pose", 3, message, "foxglove.Pose"},
         {"point_stride", 4, fixed32},
-        {"fields", 5, message, "foxglove.PackedElementField", kMany},
+        {"fields", 5, message, "foxglove.PackedElementField", kRepeated},
         {"data", 6, bytes}}},
       {"foxglove.Log",
        {{"timestamp", 1, message, kTime},
@@ -137,17 +137,17 @@ std::vector<ProtoSchema> scene_primitives() {
         {"pose", 2, message, "foxglove.Pose"},
         {"thickness", 3, float64},
         {"scale_invariant", 4, boolean},
-        {"points", 5, message, "foxglove.Point3", kMany},
+        {"points", 5, message, "foxglove.Point3", kRepeated},
         {"color", 6, message, "foxglove.Color"},
-        {"colors", 7, message, "foxglove.Color", kMany},
-        {"indices", 8, fixed32, {}, kMany}},
+        {"colors", 7, message, "foxglove.Color", kRepeated},
+        {"indices", 8, fixed32, {}, kRepeated}},
        {{"Type", {"LINE_STRIP", "LINE_LOOP", "LINE_LIST"}}}},
       {"foxglove.TriangleListPrimitive",
        {{"pose", 1, message, "foxglove.Pose"},
-        {"points", 2, message, "foxglove.Point3", kMany},
+        {"points", 2, message, "foxglove.Point3", kRepeated},
         {"color", 3, message, "foxglove.Color"},
-        {"colors", 4, message, "foxglove.Color", kMany},
-        {"indices", 5, fixed32, {}, kMany}}},
+        {"colors", 4, message, "foxglove.Color", kRepeated},
+        {"indices", 5, fixed32, {}, kRepeated}}},
       {"foxglove.TextPrimitive",
        {{"pose", 1, message, "foxglove.Pose"},
         {"billboard", 2, boolean},
@@ -175,21 +175,21 @@ std::vector<ProtoSchema> scenes() {
         {"id", 3, text},
         {"lifetime", 4, message, "google.protobuf.Duration"},
         {"frame_locked", 5, boolean},
-        {"metadata", 6, message, "foxglove.KeyValuePair", kMany},
-        {"arrows", 7, message, "foxglove.ArrowPrimitive", kMany},
-        {"cubes", 8, message, "foxglove.CubePrimitive", kMany},
-        {"spheres", 9, message, "foxglove.SpherePrimitive", kMany},
-        {"cylinders", 10, message, "foxglove.CylinderPrimitive", kMany},
-        {"lines", 11, message, "foxglove.LinePrimitive", kMany},
-        {"triangles", 12, message, "foxglove.TriangleListPrimitive", kMany},
-        {"texts", 13, message, "foxglove.TextPrimitive", kMany},
-        {"models", 14, message, "foxglove.ModelPrimitive", kMany}}},
+        {"metadata", 6, message, "foxglove.KeyValuePair", kRepeated},
+        {"arrows", 7, message, "foxglove.ArrowPrimitive", kRepeated},
+        {"cubes", 8, message, "foxglove.CubePrimitive", kRepeated},
+        {"spheres", 9, message, "foxglove.SpherePrimitive", kRepeated},
+        {"cylinders", 10, message, "foxglove.CylinderPrimitive", kRepeated},
+        {"lines", 11, message, "foxglove.LinePrimitive", kRepeated},
+        {"triangles", 12, message, "foxglove.TriangleListPrimitive", kRepeated},
+        {"texts", 13, message, "foxglove.TextPrimitive", kRepeated},
+        {"models", 14, message, "foxglove.ModelPrimitive", kRepeated}}},
       {"foxglove.SceneEntityDeletion",
        {{"timestamp", 1, message, kTime}, {"type", 2, enumeration, "Type"}, {"id", 3, text}},
        {{"Type", {"MATCHING_ID", "ALL"}}}},
       {"foxglove.SceneUpdate",
-       {{"deletions", 1, message, "foxglove.SceneEntityDeletion", kMany},
-        {"entities", 2, message, "foxglove.SceneEntity", kMany}}},
+       {{"deletions", 1, message, "foxglove.SceneEntityDeletion", kRepeated},
+        {"entities", 2, message, "foxglove.SceneEntity", kRepeated}}},
   };
 }
 
@@ -213,7 +213,7 @@ std::vector<ProtoSchema> frame_reports() {
         {"touched_bricks", 12, int32},
         {"new_bricks", 13, int32},
         {"ms", 14, float64},
-        {"stages", 15, message, "cairn.Stage", kMany}},
+        {"stages", 15, message, "cairn.Stage", kRepeated}},
        {{"State", {"FUSED", "LOST", "SKIPPED", "HELD_OUT"}}}},
   };
 }

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "base/union_find.hpp"
-#include "map/match.hpp"
+#include "graph/inflate_information.hpp"
 
 namespace cairn {
 namespace {
@@ -27,7 +27,7 @@ void Atlas::add_frame(double timestamp, const Eigen::Isometry3d& submap_from_cam
   if (acceleration)
     keyframes.back().accelerations +=
         (Eigen::Vector4d() << keyframe_from_camera.linear() * *acceleration, acceleration->norm()).finished();
-  if (recordings.empty()) settled.reset();
+  if (recordings.empty()) frozen_gravity.reset();
   frames.push_back({timestamp, static_cast<std::uint32_t>(keyframes.size() - 1),
                     local_coordinates(keyframe_from_camera).cast<float>()});
 }
@@ -74,24 +74,24 @@ PoseGraph Atlas::graph(std::size_t keyframe_count, std::size_t loop_count) const
     const Keyframe& keyframe = keyframes[k];
     if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0)
       graph.gravity.push_back({.node = k, .up = at_rest->normalized(), .sigma = kAccelerometerSigma});
-    if (keyframe.follows) graph.edges.push_back(step(k));
+    if (keyframe.follows) graph.edges.push_back(odometry_edge(k));
   }
   for (std::size_t k = 0; k < loop_count; ++k) graph.edges.push_back(loops[k].edge);
   return graph;
 }
 
-PoseGraph::Edge Atlas::step(std::size_t keyframe) const {
+PoseGraph::Edge Atlas::odometry_edge(std::size_t keyframe) const {
   const Keyframe &before = keyframes[keyframe - 1], &after = keyframes[keyframe];
   if (keyframe < steps.size() && !steps[keyframe].information.isZero())
     return {.i = keyframe - 1,
             .j = keyframe,
             .i_from_j = steps[keyframe].before_from_camera,
             .information = steps[keyframe].information,
-            .may_slip = true};
+            .heavy_tailed = true};
   return {.i = keyframe - 1,
           .j = keyframe,
           .i_from_j = before.odometry_from_camera.inverse() * after.odometry_from_camera,
-          .information = calibrated(after.information)};
+          .information = inflate_information(after.information)};
 }
 
 std::vector<double> Atlas::edge_weights() const {
@@ -101,40 +101,40 @@ std::vector<double> Atlas::edge_weights() const {
   return weights;
 }
 
-void Atlas::take(const PoseGraph& graph, const OptimiseReport& report) {
-  const std::size_t known = graph.world_from_node.size();
-  const auto is_same = [](const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) { return a.matrix() == b.matrix(); };
-  if (!std::equal(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin(), is_same))
+void Atlas::update_poses(const PoseGraph& graph, const OptimizeReport& report) {
+  const std::size_t node_count = graph.world_from_node.size();
+  const auto is_equal = [](const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) { return a.matrix() == b.matrix(); };
+  if (!std::equal(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin(), is_equal))
     surface_sigma = {};
   std::copy(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin());
-  for (std::size_t k = known; k < keyframes.size(); ++k)
+  for (std::size_t k = node_count; k < keyframes.size(); ++k)
     if (keyframes[k].follows) world_from_camera[k] = correction(k - 1) * keyframes[k].submap_from_camera;
   std::size_t loop = 0;
   for (std::size_t e = 0; e < graph.edges.size(); ++e)
     if (graph.edges[e].is_loop_closure) loops[loop++].inlier = report.edge_weights[e] > 0.5;
 }
 
-void Atlas::join(const PoseGraph::Edge& edge) {
+void Atlas::align_components(const PoseGraph::Edge& edge) {
   const auto first = components();
   if (first[edge.i] == first[edge.j]) return;
   surface_sigma = {};
-  const bool from_stays = first[edge.i] < first[edge.j];
-  const std::size_t moving = from_stays ? edge.j : edge.i;
+  const bool is_first_fixed = first[edge.i] < first[edge.j];
+  const std::size_t moving = is_first_fixed ? edge.j : edge.i;
   const Eigen::Isometry3d target =
-      from_stays ? world_from_camera[edge.i] * edge.i_from_j : world_from_camera[edge.j] * edge.i_from_j.inverse();
+      is_first_fixed ? world_from_camera[edge.i] * edge.i_from_j : world_from_camera[edge.j] * edge.i_from_j.inverse();
   const Eigen::Isometry3d move = target * world_from_camera[moving].inverse();
   for (std::size_t k = 0; k < keyframes.size(); ++k)
     if (first[k] == first[moving]) world_from_camera[k] = move * world_from_camera[k];
 }
 
-Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t end, std::size_t step) const {
+Trajectory Atlas::trajectory(std::size_t component, std::size_t begin, std::size_t end, std::size_t step) const {
   const auto component_of = components();
   Trajectory trajectory;
   end = std::min(end, frames.size());
   for (std::size_t i = begin; i < end; i += i + 1 < end ? std::min(step, end - 1 - i) : 1) {
     const FusedFrame& frame = frames[i];
     const std::size_t k = frame.keyframe, next = k + 1;
-    if (component_of[k] != piece) continue;
+    if (component_of[k] != component) continue;
     Eigen::Isometry3d move = correction(k);
     if (next < keyframes.size() && keyframes[next].follows && frame.timestamp < keyframes[next].timestamp) {
       const double before = keyframes[k].timestamp, after = keyframes[next].timestamp;
@@ -151,41 +151,41 @@ Trajectory Atlas::trajectory(std::size_t piece, std::size_t begin, std::size_t e
 }
 
 /// Of the main component.
-DownEvidence Atlas::down_evidence() const {
+GravityEvidence Atlas::gravity_evidence() const {
   const auto component_of = components();
   const std::size_t main = main_component();
-  DownEvidence evidence{.world_from_first_camera = world_from_camera[main].linear()};
+  GravityEvidence evidence{.world_from_first_camera = world_from_camera[main].linear()};
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     if (component_of[k] != main) continue;
-    const Eigen::Matrix3d turn = world_from_camera[k].linear();
-    evidence.views.push_back({turn, &keyframes[k].structure});
-    evidence.accelerations.head<3>() += turn * keyframes[k].accelerations.head<3>();
+    const Eigen::Matrix3d rotation = world_from_camera[k].linear();
+    evidence.views.push_back({rotation, &keyframes[k].structure});
+    evidence.accelerations.head<3>() += rotation * keyframes[k].accelerations.head<3>();
     evidence.accelerations[3] += keyframes[k].accelerations[3];
   }
   return evidence;
 }
 
 /// The frozen direction, or else an estimate from the evidence.
-std::optional<SettledDown> Atlas::settled_or_found(const DownEvidence& evidence) const {
+std::optional<FrozenGravity> Atlas::frozen_or_estimated(const GravityEvidence& evidence) const {
   const std::size_t main = main_component();
-  if (settled && components()[settled->keyframe] == main) return settled;
-  auto found = find_down(evidence, up.value_or(Up::automatic));
+  if (frozen_gravity && components()[frozen_gravity->keyframe] == main) return frozen_gravity;
+  auto found = estimate_gravity(evidence, up.value_or(Up::automatic));
   if (!found) return std::nullopt;
   found->down = world_from_camera[main].linear().transpose() * found->down;
-  return SettledDown{.keyframe = main, .found = *std::move(found)};
+  return FrozenGravity{.keyframe = main, .found = *std::move(found)};
 }
 
-Upright Atlas::upright() const {
-  if (keyframes.empty()) return upright_unknown();
-  const DownEvidence evidence = down_evidence();
-  auto down = settled_or_found(evidence);
-  if (!down) return upright_unknown();
+GravityAlignment Atlas::upright() const {
+  if (keyframes.empty()) return unknown_gravity_alignment();
+  const GravityEvidence evidence = gravity_evidence();
+  auto down = frozen_or_estimated(evidence);
+  if (!down) return unknown_gravity_alignment();
   down->found.down = world_from_camera[down->keyframe].linear() * down->found.down;
-  return upright_by(down->found, evidence);
+  return gravity_alignment_of(down->found, evidence);
 }
 
-void Atlas::settle_upright() {
-  if (!keyframes.empty()) settled = settled_or_found(down_evidence());
+void Atlas::freeze_gravity() {
+  if (!keyframes.empty()) frozen_gravity = frozen_or_estimated(gravity_evidence());
 }
 
 }  // namespace cairn

@@ -4,19 +4,19 @@
 #pragma once
 #include <vector>
 
-#include "cairn/pose_graph.hpp"
-#include "cairn/surface_sigma.hpp"
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/pose_graph.hpp"
+#include "cairn/mapping/surface_sigma.hpp"
+#include "cairn/mapping/trajectory.hpp"
+#include "gravity/align_gravity.hpp"
 #include "map/fused_frames.hpp"
 #include "map/keyframe.hpp"
-#include "map/upright.hpp"
 
 namespace cairn {
 
 /// Loop closure between two keyframes.
 struct Loop {
   PoseGraph::Edge edge;
-  int corners = 0;                    // feature inliers; 0: candidate found by nearby poses
+  int feature_inliers = 0;            // feature inliers; 0: candidate found by nearby poses
   double inlier_share = 0, rmse = 0;  // of the dense alignment
   bool inlier = true;                 // according to the pose graph
 };
@@ -28,9 +28,9 @@ struct AdjustedStep {
 };
 
 /// Gravity direction in a keyframe's camera frame, so that it moves with the keyframe in pose graph optimization.
-struct SettledDown {
+struct FrozenGravity {
   std::size_t keyframe = 0;
-  FoundDown found;
+  GravityEstimate found;
 };
 
 /// Keyframes, submaps and loop closures of a map. Tracking and fusion work in the submaps' frame; the keyframe poses,
@@ -41,11 +41,11 @@ struct Atlas {
   std::vector<Eigen::Isometry3d> world_from_camera;  // by keyframe
   std::vector<Loop> loops;
   FusedFrames frames;
-  std::vector<std::size_t> recordings;  // first frame of each recording after the first
-  std::optional<Up> up;                 // as requested
-  std::optional<SettledDown> settled;   // frozen when the map was written before another recording extended it
-  SurfaceSigma surface_sigma;           // of the last bundle adjustment, cleared when keyframes move; empty: unknown
-  std::vector<AdjustedStep> steps;      // of the last bundle adjustment, by keyframe; later keyframes have none
+  std::vector<std::size_t> recordings;          // first frame of each recording after the first
+  std::optional<Up> up;                         // as requested
+  std::optional<FrozenGravity> frozen_gravity;  // frozen when the map was written before another recording extended it
+  SurfaceSigma surface_sigma;       // of the last bundle adjustment, cleared when keyframes move; empty: unknown
+  std::vector<AdjustedStep> steps;  // of the last bundle adjustment, by keyframe; later keyframes have none
 
   /// Adds a keyframe at its tracked pose.
   void add(const Keyframe& keyframe);
@@ -67,25 +67,25 @@ struct Atlas {
   [[nodiscard]] PoseGraph graph(std::size_t keyframe_count, std::size_t loop_count) const;
   /// Weights of graph()'s edges: 1 for inliers, 0 for rejected loop closures.
   [[nodiscard]] std::vector<double> edge_weights() const;
-  /// Takes over the result of optimise() on a graph of this atlas. Later keyframes and loop closures are kept.
-  void take(const PoseGraph& graph, const OptimiseReport& report);
+  /// Takes over the result of optimize() on a graph of this atlas. Later keyframes and loop closures are kept.
+  void update_poses(const PoseGraph& graph, const OptimizeReport& report);
   /// Moves one keyframe's component rigidly to satisfy the measured relative pose.
-  void join(const PoseGraph::Edge& edge);
+  void align_components(const PoseGraph::Edge& edge);
   /// Trajectory of a component: every `step`-th frame from `begin` to `end`, and the last. Corrections are interpolated
   /// between keyframes.
-  [[nodiscard]] Trajectory trajectory(std::size_t piece, std::size_t begin, std::size_t end,
+  [[nodiscard]] Trajectory trajectory(std::size_t component, std::size_t begin, std::size_t end,
                                       std::size_t step = 1) const;
   /// Gravity alignment of the main component for export: frozen, or else estimated from all evidence.
-  [[nodiscard]] Upright upright() const;
+  [[nodiscard]] GravityAlignment upright() const;
   /// Freezes the gravity direction at upright(). Later recordings do not change it; further frames of the first
   /// recording, which may only have been interrupted, still do. Without evidence it stays open.
-  void settle_upright();
+  void freeze_gravity();
 
  private:
   /// Odometry edge from the preceding keyframe to a keyframe that follows it.
-  [[nodiscard]] PoseGraph::Edge step(std::size_t keyframe) const;
-  [[nodiscard]] DownEvidence down_evidence() const;
-  [[nodiscard]] std::optional<SettledDown> settled_or_found(const DownEvidence& evidence) const;
+  [[nodiscard]] PoseGraph::Edge odometry_edge(std::size_t keyframe) const;
+  [[nodiscard]] GravityEvidence gravity_evidence() const;
+  [[nodiscard]] std::optional<FrozenGravity> frozen_or_estimated(const GravityEvidence& evidence) const;
 };
 
 }  // namespace cairn

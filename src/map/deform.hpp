@@ -20,7 +20,7 @@ class Deformation {
 
  private:
   struct Control {
-    Eigen::Vector3d centre, forward;  // of the camera, in the submap frame
+    Eigen::Vector3d center, forward;  // of the camera, in the submap frame
     Eigen::Quaterniond rotation;      // world_from_submap
     Eigen::Isometry3d move;
   };

@@ -12,33 +12,34 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/atomic_file.hpp"
 #include "base/image_file.hpp"
-#include "cairn/atomic_file.hpp"
+#include "geometry/encode_frame.hpp"
 #include "map/keyframe_files.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kTurn = 0.15, kDistance = 0.12;                                             // rad, m between keyframes
-constexpr double kDepthSteps = 5000;                                                         // per meter
-constexpr const char *kDepth = "depth.png", *kColour = "colour.jpg", *kCorners = "corners";  // file names of a keyframe
-constexpr std::size_t kRecent = 256;  // keyframes whose features stay in memory, 58 KB each
+constexpr double kKeyframeAngle = 0.15, kKeyframeDistance = 0.12;                           // rad, m between keyframes
+constexpr double kDepthStepsPerMeter = 5000;                                                // per meter
+constexpr const char *kDepth = "depth.png", *kColor = "colour.jpg", *kCorners = "corners";  // file names of a keyframe
+constexpr std::size_t kMaxCachedFeatures = 256;  // keyframes whose features stay in memory, 58 KB each
 constexpr const char* kRemedy = "the session is damaged: begin a new session";
 
 /// File format of a feature.
-struct Corner {
+struct StoredFeature {
   double ray[2], point[3];
   std::array<std::uint8_t, 32> descriptor;
 };
 
 /// Version byte, followed by the features.
 std::vector<std::uint8_t> bytes_of(const Features& features) {
-  std::vector<std::uint8_t> bytes(1 + features.rays.size() * sizeof(Corner), 1);
+  std::vector<std::uint8_t> bytes(1 + features.rays.size() * sizeof(StoredFeature), 1);
   for (std::size_t i = 0; i < features.rays.size(); ++i) {
     const auto& r = features.rays[i];
     const auto& p = features.points[i];
-    const Corner corner{{r.x(), r.y()}, {p.x(), p.y(), p.z()}, features.descriptors[i]};
-    std::memcpy(&bytes[1 + i * sizeof corner], &corner, sizeof corner);
+    const StoredFeature stored{{r.x(), r.y()}, {p.x(), p.y(), p.z()}, features.descriptors[i]};
+    std::memcpy(&bytes[1 + i * sizeof stored], &stored, sizeof stored);
   }
   return bytes;
 }
@@ -46,12 +47,12 @@ std::vector<std::uint8_t> bytes_of(const Features& features) {
 /// Inverse of bytes_of. The bytes after the version byte must be complete features.
 Features features_in(const std::vector<std::uint8_t>& bytes) {
   Features features;
-  for (std::size_t at = 1; at < bytes.size(); at += sizeof(Corner)) {
-    Corner corner;
-    std::memcpy(&corner, &bytes[at], sizeof corner);
-    features.rays.emplace_back(corner.ray[0], corner.ray[1]);
-    features.points.emplace_back(corner.point[0], corner.point[1], corner.point[2]);
-    features.descriptors.push_back(corner.descriptor);
+  for (std::size_t at = 1; at < bytes.size(); at += sizeof(StoredFeature)) {
+    StoredFeature stored;
+    std::memcpy(&stored, &bytes[at], sizeof stored);
+    features.rays.emplace_back(stored.ray[0], stored.ray[1]);
+    features.points.emplace_back(stored.point[0], stored.point[1], stored.point[2]);
+    features.descriptors.push_back(stored.descriptor);
   }
   return features;
 }
@@ -61,50 +62,50 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-std::filesystem::path file_of(const NumberedFiles& files, std::size_t keyframe, const char* what) {
+std::filesystem::path file_of(const NumberedFiles& files, std::size_t keyframe, const char* name) {
   const NumberedFiles::Place place = files[keyframe];
-  return place.folder / fmt::format("{:06}.{}", place.number, what);
+  return place.folder / fmt::format("{:06}.{}", place.number, name);
 }
 
 }  // namespace
 
 bool is_keyframe_file(std::string_view name) {
   const std::size_t dot = std::min(name.find('.'), name.size());
-  const std::string_view what = name.substr(std::min(dot + 1, name.size()));
+  const std::string_view suffix = name.substr(std::min(dot + 1, name.size()));
   return dot >= 6 && name.find_first_not_of("0123456789") == dot &&
-         (what == kDepth || what == kColour || what == kCorners);
+         (suffix == kDepth || suffix == kColor || suffix == kCorners);
 }
 
-std::filesystem::path colour_file(const NumberedFiles& files, std::size_t keyframe) {
-  return file_of(files, keyframe, kColour);
+std::filesystem::path color_file(const NumberedFiles& files, std::size_t keyframe) {
+  return file_of(files, keyframe, kColor);
 }
 
-bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double times) {
+bool exceeds_keyframe_distance(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double factor) {
   const Eigen::Isometry3d motion = a.inverse() * b;
-  return motion.translation().norm() >= times * kDistance ||
-         Eigen::AngleAxisd(motion.linear()).angle() >= times * kTurn;
+  return motion.translation().norm() >= factor * kKeyframeDistance ||
+         Eigen::AngleAxisd(motion.linear()).angle() >= factor * kKeyframeAngle;
 }
 
 KeyframeStore::KeyframeStore(const Rig& rig, NumberedFiles files, Access access)
-    : rig_(rig), files_(std::move(files)), writes_(in_files() && access == Access::write) {}
+    : rig_(rig), files_(std::move(files)), is_writable_(in_files() && access == Access::write) {}
 
-std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* what) const {
-  return file_of(files_, keyframe, what);
+std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* name) const {
+  return file_of(files_, keyframe, name);
 }
 
 void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features features) {
   const auto corners = std::make_shared<const Features>(std::move(features));
-  const auto lock = quiet();
-  remember(keyframe, corners);
+  const auto lock = wait_and_lock();
+  cache(keyframe, corners);
   writing_ =
-      std::async(std::launch::async, [this, keyframe, depth = frame.depth, colour = frame.colour, corners]() mutable {
+      std::async(std::launch::async, [this, keyframe, depth = frame.depth, color = frame.color, corners]() mutable {
         Packed packed;
         packed.corners = bytes_of(*corners);
         packed_.erase(keyframe);
         try {
-          packed.depth = encode_depth(depth, rig_.depth, kDepthSteps);
-          if (!colour.empty()) packed.colour = encode_colour(colour, rig_.colour_view(), ".jpg");
-          if (writes_) return write(keyframe, packed);
+          packed.depth = encode_depth(depth, rig_.depth, kDepthStepsPerMeter);
+          if (!color.empty()) packed.color = encode_color(color, rig_.color_view(), ".jpg");
+          if (is_writable_) return write(keyframe, packed);
         } catch (const std::exception&) {
           // Stays in memory until store().
         }
@@ -114,13 +115,13 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features featu
 
 void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correction) {
   if (files_.is_elsewhere(keyframe))
-    throw std::runtime_error(file(keyframe, kDepth).string() + ": is another map's and stays as it is");
+    throw std::runtime_error(file(keyframe, kDepth).string() + ": belongs to another map and is read-only");
   std::vector<float> depth = get(keyframe).depth;
   correction.apply(rig_.depth.width, rig_.depth.height, depth);
-  auto packed = encode_depth(depth, rig_.depth, kDepthSteps);
-  const auto lock = quiet();
-  if (const auto kept = packed_.find(keyframe); kept != packed_.end())
-    kept->second.depth = std::move(packed);
+  auto packed = encode_depth(depth, rig_.depth, kDepthStepsPerMeter);
+  const auto lock = wait_and_lock();
+  if (const auto packed_it = packed_.find(keyframe); packed_it != packed_.end())
+    packed_it->second.depth = std::move(packed);
   else
     write_whole(file(keyframe, kDepth), packed, Durable::some_time);
 }
@@ -128,29 +129,29 @@ void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correct
 void KeyframeStore::write(std::size_t keyframe, const Packed& packed) const {
   // Not synced here: a checkpoint syncs all files at once, see SessionWriter.
   write_whole(file(keyframe, kDepth), packed.depth, Durable::some_time);
-  if (!packed.colour.empty()) write_whole(file(keyframe, kColour), packed.colour, Durable::some_time);
+  if (!packed.color.empty()) write_whole(file(keyframe, kColor), packed.color, Durable::some_time);
   write_whole(file(keyframe, kCorners), packed.corners, Durable::some_time);
 }
 
-void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const {
+void KeyframeStore::copy(std::size_t keyframe, const KeyframeStore& from, std::size_t from_keyframe) const {
   wait();
   from.wait();
-  for (const char* what : {kDepth, kCorners, kColour})
-    if (std::filesystem::exists(from.file(its, what)))
-      write_whole(file(keyframe, what), read_bytes(from.file(its, what)), Durable::some_time);
+  for (const char* name : {kDepth, kCorners, kColor})
+    if (std::filesystem::exists(from.file(from_keyframe, name)))
+      write_whole(file(keyframe, name), read_bytes(from.file(from_keyframe, name)), Durable::some_time);
 }
 
-std::unique_lock<std::mutex> KeyframeStore::quiet() const {
+std::unique_lock<std::mutex> KeyframeStore::wait_and_lock() const {
   std::unique_lock lock(mutex_);
   if (writing_.valid()) writing_.get();
   return lock;
 }
 
-void KeyframeStore::wait() const { (void)quiet(); }
+void KeyframeStore::wait() const { (void)wait_and_lock(); }
 
 std::optional<std::string> KeyframeStore::store() {
-  const auto lock = quiet();
-  if (!writes_) return std::nullopt;
+  const auto lock = wait_and_lock();
+  if (!is_writable_) return std::nullopt;
   try {
     while (!packed_.empty()) {
       write(packed_.begin()->first, packed_.begin()->second);
@@ -162,37 +163,37 @@ std::optional<std::string> KeyframeStore::store() {
   }
 }
 
-std::vector<std::uint8_t> KeyframeStore::kept(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
-                                              const char* what) const {
+std::vector<std::uint8_t> KeyframeStore::stored_bytes(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
+                                                      const char* name) const {
   {
-    const auto lock = quiet();
+    const auto lock = wait_and_lock();
     if (const auto found = packed_.find(keyframe); found != packed_.end()) return found->second.*part;
   }
-  return read_bytes(file(keyframe, what));
+  return read_bytes(file(keyframe, name));
 }
 
 std::shared_ptr<const Features> KeyframeStore::features(std::size_t keyframe) const {
-  if (auto known = remembered(keyframe)) return known;
-  const auto bytes = kept(keyframe, &Packed::corners, kCorners);
-  if (bytes.empty() || bytes.size() % sizeof(Corner) != 1)
+  if (auto features = cached(keyframe)) return features;
+  const auto bytes = stored_bytes(keyframe, &Packed::corners, kCorners);
+  if (bytes.empty() || bytes.size() % sizeof(StoredFeature) != 1)
     throw std::runtime_error(file(keyframe, kCorners).string() + ": is missing or broken; " + kRemedy);
   auto features = std::make_shared<const Features>(features_in(bytes));
-  remember(keyframe, features);
+  cache(keyframe, features);
   return features;
 }
 
-void KeyframeStore::remember(std::size_t keyframe, std::shared_ptr<const Features> features) const {
-  const std::lock_guard lock(recent_mutex_);
-  recent_[keyframe] = {std::move(features), ++use_};
-  if (recent_.size() <= kRecent) return;
-  recent_.erase(std::min_element(recent_.begin(), recent_.end(),
-                                 [](const auto& a, const auto& b) { return a.second.last_use < b.second.last_use; }));
+void KeyframeStore::cache(std::size_t keyframe, std::shared_ptr<const Features> features) const {
+  const std::lock_guard lock(cache_mutex_);
+  cache_[keyframe] = {std::move(features), ++use_};
+  if (cache_.size() <= kMaxCachedFeatures) return;
+  cache_.erase(std::min_element(cache_.begin(), cache_.end(),
+                                [](const auto& a, const auto& b) { return a.second.last_use < b.second.last_use; }));
 }
 
-std::shared_ptr<const Features> KeyframeStore::remembered(std::size_t keyframe) const {
-  const std::lock_guard lock(recent_mutex_);
-  const auto found = recent_.find(keyframe);
-  if (found == recent_.end()) return nullptr;
+std::shared_ptr<const Features> KeyframeStore::cached(std::size_t keyframe) const {
+  const std::lock_guard lock(cache_mutex_);
+  const auto found = cache_.find(keyframe);
+  if (found == cache_.end()) return nullptr;
   found->second.last_use = ++use_;
   return found->second.features;
 }
@@ -211,20 +212,20 @@ cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels, const Cam
 }  // namespace
 
 std::vector<float> KeyframeStore::depth(std::size_t keyframe) const {
-  const cv::Mat steps = decoded(kept(keyframe, &Packed::depth, kDepth), Pixels::as_stored, rig_.depth);
+  const cv::Mat steps = decoded(stored_bytes(keyframe, &Packed::depth, kDepth), Pixels::as_stored, rig_.depth);
   if (steps.type() != CV_16U || steps.empty())
     throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
-  std::vector<float> metres(steps.total());
-  cv::Mat depth(steps.rows, steps.cols, CV_32F, metres.data());
-  steps.convertTo(depth, CV_32F, 1 / kDepthSteps);
-  return metres;
+  std::vector<float> meters(steps.total());
+  cv::Mat depth(steps.rows, steps.cols, CV_32F, meters.data());
+  steps.convertTo(depth, CV_32F, 1 / kDepthStepsPerMeter);
+  return meters;
 }
 
 Frame KeyframeStore::get(std::size_t keyframe) const {
   Frame frame;
   frame.depth = depth(keyframe);
-  const cv::Mat rgba = decoded(kept(keyframe, &Packed::colour, kColour), Pixels::rgba, rig_.colour_view());
-  if (!rgba.empty()) frame.colour = colour_pixels(rgba);
+  const cv::Mat rgba = decoded(stored_bytes(keyframe, &Packed::color, kColor), Pixels::rgba, rig_.color_view());
+  if (!rgba.empty()) frame.color = color_pixels(rgba);
   return frame;
 }
 

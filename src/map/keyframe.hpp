@@ -12,10 +12,10 @@
 #include <string>
 #include <vector>
 
-#include "cairn/frame.hpp"
-#include "cairn/pose.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/mapping/pose.hpp"
+#include "gravity/structure.hpp"
 #include "map/numbered_files.hpp"
-#include "map/structure.hpp"
 #include "place/features.hpp"
 
 namespace cairn {
@@ -24,7 +24,7 @@ namespace cairn {
 struct Keyframe {
   int frame = 0;             // index in its recording
   double timestamp = 0.0;    // seconds
-  double colour_delay = 0;   // see Frame
+  double color_delay = 0;    // see Frame
   std::size_t submap = 0;    // submap it was fused into
   std::size_t searched = 0;  // number of earlier keyframes searched for loop closures
   bool follows = false;  // true if tracked continuously from the preceding keyframe; false for the first of a component
@@ -38,14 +38,14 @@ struct Keyframe {
   Structure structure;  // surface orientations in the depth image
 };
 
-/// True if the motion between two camera poses exceeds the keyframe distance, multiplied by `times`.
-[[nodiscard]] bool is_apart(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double times = 1);
+/// True if the motion between two camera poses exceeds the keyframe distance, multiplied by `factor`.
+[[nodiscard]] bool exceeds_keyframe_distance(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double factor = 1);
 
 /// Access to a session's folder.
 enum class Access { write, read };
 
 /// Color image of a keyframe in a store's files; frames without color have none.
-[[nodiscard]] std::filesystem::path colour_file(const NumberedFiles& files, std::size_t keyframe);
+[[nodiscard]] std::filesystem::path color_file(const NumberedFiles& files, std::size_t keyframe);
 
 /// Keyframe images, compressed (depth: PNG in steps of 0.2 mm; color: JPEG), and features; in files of a folder or,
 /// without a folder, in memory. Several threads may read while one thread puts.
@@ -58,9 +58,9 @@ class KeyframeStore {
   void put(std::size_t keyframe, const Frame& frame, Features features);
   /// Corrects the stored depth. Throws std::runtime_error for a keyframe of another map, whose files are read-only.
   void correct(std::size_t keyframe, const DepthCorrection& correction);
-  [[nodiscard]] bool in_files() const { return !files_.folder().empty(); }
   /// Copies another store's keyframe. Both must have folders.
-  void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t its) const;
+  void copy(std::size_t keyframe, const KeyframeStore& from, std::size_t from_keyframe) const;
+  [[nodiscard]] bool in_files() const { return !files_.folder().empty(); }
   /// Stored depth alone, meters. Throws like get().
   [[nodiscard]] std::vector<float> depth(std::size_t keyframe) const;
   /// Stored depth and color. Throws std::runtime_error naming the file if it is missing or broken.
@@ -75,30 +75,30 @@ class KeyframeStore {
 
  private:
   struct Packed {
-    std::vector<std::uint8_t> depth, colour, corners;
+    std::vector<std::uint8_t> depth, color, corners;
   };
-  struct Recent {
+  struct CacheEntry {
     std::shared_ptr<const Features> features;
     std::uint64_t last_use = 0;
   };
   void write(std::size_t keyframe, const Packed& packed) const;
-  [[nodiscard]] std::filesystem::path file(std::size_t keyframe, const char* what) const;
+  [[nodiscard]] std::filesystem::path file(std::size_t keyframe, const char* name) const;
   /// Waits for the background write. No new write starts while the lock is held.
-  [[nodiscard]] std::unique_lock<std::mutex> quiet() const;
+  [[nodiscard]] std::unique_lock<std::mutex> wait_and_lock() const;
   /// Stored bytes from memory, or else from a file; empty if missing.
-  [[nodiscard]] std::vector<std::uint8_t> kept(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
-                                               const char* what) const;
-  void remember(std::size_t keyframe, std::shared_ptr<const Features> features) const;
-  [[nodiscard]] std::shared_ptr<const Features> remembered(std::size_t keyframe) const;
+  [[nodiscard]] std::vector<std::uint8_t> stored_bytes(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
+                                                       const char* name) const;
+  void cache(std::size_t keyframe, std::shared_ptr<const Features> features) const;
+  [[nodiscard]] std::shared_ptr<const Features> cached(std::size_t keyframe) const;
   Rig rig_;
   NumberedFiles files_;
-  bool writes_;
+  bool is_writable_;
   std::map<std::size_t, Packed> packed_;  // not in files
   mutable std::future<void> writing_;     // the only writer of packed_ while running
   mutable std::mutex mutex_;              // guards packed_ and writing_
-  mutable std::map<std::size_t, Recent> recent_;
+  mutable std::map<std::size_t, CacheEntry> cache_;
   mutable std::uint64_t use_ = 0;
-  mutable std::mutex recent_mutex_;  // guards recent_ and use_
+  mutable std::mutex cache_mutex_;  // guards cache_ and use_
 };
 
 }  // namespace cairn

@@ -12,7 +12,7 @@ namespace cairn {
 /// their own folders and numbering.
 class NumberedFiles {
  public:
-  struct Elsewhere {
+  struct ExternalRange {
     std::size_t first = 0, count = 0;  // numbers here; in the other folder the range starts at 0
     std::filesystem::path folder;
   };
@@ -22,12 +22,12 @@ class NumberedFiles {
   };
 
   /// `elsewhere`: sorted by number.
-  NumberedFiles(std::filesystem::path folder = {}, std::vector<Elsewhere> elsewhere = {})
+  NumberedFiles(std::filesystem::path folder = {}, std::vector<ExternalRange> elsewhere = {})
       : folder_(std::move(folder)), elsewhere_(std::move(elsewhere)) {}
   /// Folder for new files; empty: no folder.
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   [[nodiscard]] Place operator[](std::size_t i) const {
-    for (const Elsewhere& e : elsewhere_)
+    for (const ExternalRange& e : elsewhere_)
       if (i - e.first < e.count) return {e.folder, i - e.first};  // unsigned: false for i < e.first
     return {folder_, i};
   }
@@ -35,7 +35,7 @@ class NumberedFiles {
 
  private:
   std::filesystem::path folder_;
-  std::vector<Elsewhere> elsewhere_;
+  std::vector<ExternalRange> elsewhere_;
 };
 
 /// Map contained in another one: the keyframes and submaps with files in its run's folder.
@@ -48,14 +48,14 @@ struct PartFiles {
 [[nodiscard]] inline NumberedFiles keyframe_files(const std::filesystem::path& run,
                                                   const std::vector<PartFiles>& parts = {}) {
   constexpr const char* kFolder = "keyframes";
-  std::vector<NumberedFiles::Elsewhere> elsewhere;
+  std::vector<NumberedFiles::ExternalRange> elsewhere;
   elsewhere.reserve(parts.size());
   for (const PartFiles& part : parts) elsewhere.push_back({part.first_keyframe, part.keyframes, part.folder / kFolder});
   return {run.empty() ? run : run / kFolder, std::move(elsewhere)};
 }
 [[nodiscard]] inline NumberedFiles submap_files(const std::filesystem::path& run,
                                                 const std::vector<PartFiles>& parts = {}) {
-  std::vector<NumberedFiles::Elsewhere> elsewhere;
+  std::vector<NumberedFiles::ExternalRange> elsewhere;
   elsewhere.reserve(parts.size());
   for (const PartFiles& part : parts) elsewhere.push_back({part.first_submap, part.submaps, part.folder});
   return {run, std::move(elsewhere)};

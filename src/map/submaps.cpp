@@ -11,15 +11,15 @@ namespace cairn {
 namespace {
 
 // Bytes. Reading the required bricks takes no longer than their processing.
-constexpr std::uint64_t kUsualBudget = std::uint64_t{16} << 20;
-constexpr std::size_t kOpenFiles = 32;  // an open file indexes all of its bricks, half a megabyte
+constexpr std::uint64_t kDefaultBudget = std::uint64_t{16} << 20;
+constexpr std::size_t kMaxOpenFiles = 32;  // an open file indexes all of its bricks, half a megabyte
 
 }  // namespace
 
 Submaps::Submaps(NumberedFiles files, std::uint64_t budget, Access access)
     : files_(std::move(files)),
-      budget_(budget != 0 ? budget : kUsualBudget),
-      writes_(!files_.folder().empty() && access == Access::write) {}
+      budget_(budget != 0 ? budget : kDefaultBudget),
+      is_writable_(!files_.folder().empty() && access == Access::write) {}
 
 std::filesystem::path submap_file(const NumberedFiles& files, std::size_t submap) {
   const NumberedFiles::Place place = files[submap];
@@ -38,11 +38,11 @@ void Submaps::add(BrickList voxels) {
   const std::size_t id = bricks_.size();
   const std::uint64_t bytes = voxels.bricks.size() * sizeof(BrickVoxels);
   bricks_.push_back(std::make_shared<const BrickSet>(voxels.bricks));
-  voxels_.push_back(writes_ ? nullptr : std::make_shared<const BrickTree>(tree_of(voxels)));
+  voxels_.push_back(is_writable_ ? nullptr : std::make_shared<const BrickTree>(tree_of(voxels)));
   last_use_.push_back(++use_);
   stored_.push_back(false);
-  keep_within_budget(writes_ ? bytes : 0);
-  if (!writes_) return;
+  keep_within_budget(is_writable_ ? bytes : 0);
+  if (!is_writable_) return;
   writing_ = std::async(std::launch::async, [list = std::make_unique<const BrickList>(std::move(voxels)), to = file(id),
                                              keep = bytes <= budget_]() mutable {
     Written written;
@@ -55,11 +55,6 @@ void Submaps::add(BrickList voxels) {
     list.reset();  // the future that holds this function lives until the next submap
     return written;
   });
-}
-
-BrickList Submaps::copy(std::size_t i) const {
-  if (!has_voxels(i)) return {};
-  return voxels_[i] ? list_of(*voxels_[i]) : list_of(BrickFile(file(i)).read());
 }
 
 void Submaps::add_stored(bool has_file) {
@@ -76,7 +71,7 @@ void Submaps::add_stored(bool has_file) {
   stored_.push_back(true);
 }
 
-void Submaps::leave_memory() {
+void Submaps::release_memory() {
   wait();
   if (files_.folder().empty()) return;
   for (std::size_t i = 0; i < bricks_.size(); ++i)
@@ -98,7 +93,7 @@ void Submaps::wait() {
 
 std::optional<std::string> Submaps::store() {
   wait();
-  if (!writes_) return std::nullopt;
+  if (!is_writable_) return std::nullopt;
   try {
     for (std::size_t i = 0; i < stored_.size(); ++i) {
       if (!stored_[i]) write_bricks(file(i), *voxels_[i]);
@@ -133,18 +128,18 @@ std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& 
   last_use_[i] = ++use_;
   if (voxels_[i]) return voxels_[i];
   ++counts_.read_back;
-  return std::make_shared<const BrickTree>(opened(i).read(box));
+  return std::make_shared<const BrickTree>(open_file(i).read(box));
 }
 
 std::shared_ptr<const BrickTree> Submaps::free(std::size_t i) {
   if (i + 1 == bricks_.size()) wait();
   last_use_[i] = ++use_;
-  return voxels_[i] ? voxels_[i] : std::make_shared<const BrickTree>(opened(i).read_free());
+  return voxels_[i] ? voxels_[i] : std::make_shared<const BrickTree>(open_file(i).read_free());
 }
 
-const BrickFile& Submaps::opened(std::size_t i) {
+const BrickFile& Submaps::open_file(std::size_t i) {
   if (const auto open = open_.find(i); open != open_.end()) return open->second;
-  while (open_.size() >= kOpenFiles)
+  while (open_.size() >= kMaxOpenFiles)
     open_.erase(std::min_element(open_.begin(), open_.end(), [&](const auto& a, const auto& b) {
       return last_use_[a.first] < last_use_[b.first];
     }));

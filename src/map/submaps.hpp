@@ -10,6 +10,7 @@
 
 #include "map/keyframe.hpp"
 #include "volume/brick_set.hpp"
+#include "volume/vdb/brick_file.hpp"
 
 namespace cairn {
 
@@ -25,12 +26,10 @@ class Submaps {
   void add(BrickList voxels);
   /// Adds a submap with an existing file, or a dropped submap if it has none. Files of other maps are opened on demand.
   void add_stored(bool has_file);
-  /// Voxels of a submap, for adding to another map.
-  [[nodiscard]] BrickList copy(std::size_t i) const;
   /// Drops a submap's voxels. The numbering stays, and so does the file: a checkpoint may refer to it.
   void drop(std::size_t i);
   /// Releases all submaps with files from memory.
-  void leave_memory();
+  void release_memory();
   [[nodiscard]] std::size_t size() const { return bricks_.size(); }
   /// False for a dropped submap.
   [[nodiscard]] bool has_voxels(std::size_t i) const { return bricks_[i] == nullptr || !bricks_[i]->empty(); }
@@ -59,8 +58,8 @@ class Submaps {
   void keep_within_budget(std::uint64_t being_written = 0);
   NumberedFiles files_;
   std::uint64_t budget_;
-  bool writes_;
-  [[nodiscard]] const BrickFile& opened(std::size_t i);
+  bool is_writable_;
+  [[nodiscard]] const BrickFile& open_file(std::size_t i);
   mutable std::vector<std::shared_ptr<const BrickSet>> bricks_;  // null: not yet loaded
   std::vector<std::shared_ptr<const BrickTree>> voxels_;         // null: only in its file
   std::map<std::size_t, BrickFile> open_;                        // most recently read files

@@ -12,8 +12,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kSmoothings = 3;            // iterations for borders
-constexpr std::size_t kLongestRim = 192;  // maximum number of vertices of a filled hole; the cost is cubic
+constexpr int kSmoothingIterations = 3;       // iterations for borders
+constexpr std::size_t kMaxRimVertices = 192;  // maximum number of vertices of a filled hole; the cost is cubic
 
 Eigen::Vector3d area_vector(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
   const Eigen::Vector3d a = mesh.positions[t[0]].cast<double>();
@@ -106,7 +106,7 @@ void smooth_borders(Mesh& mesh) {
     next[from] = to, previous[to] = from;
   }
   std::vector<Eigen::Vector3f> smooth;
-  for (int i = 0; i < kSmoothings; ++i) {
+  for (int i = 0; i < kSmoothingIterations; ++i) {
     smooth = mesh.positions;
     for (const auto& [from, to] : border)
       if (is_simple[from] && previous[from] != kNone)
@@ -119,16 +119,16 @@ void smooth_borders(Mesh& mesh) {
 /// Closes a rim by the triangulation with minimum area, by dynamic programming (Barequet & Sharir 1995). Adds nothing
 /// if the result would have a degenerate triangle.
 void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
-  constexpr float kFlat = 1e-3f, kForbidden = 1e6f;  // minimum area relative to the square of the longest side
+  constexpr float kMinAreaRatio = 1e-3f, kForbidden = 1e6f;  // minimum area relative to the square of the longest side
 
   const std::size_t n = rim.size();
   std::vector<float> cost(n * n, 0);
   std::vector<std::uint32_t> split(n * n, 0);
   const auto area = [&](std::size_t i, std::size_t k, std::size_t j) {
     const Eigen::Vector3f &a = mesh.positions[rim[i]], b = mesh.positions[rim[k]], c = mesh.positions[rim[j]];
-    const float area_of = 0.5f * (b - a).cross(c - a).norm();
+    const float triangle_area = 0.5f * (b - a).cross(c - a).norm();
     const float longest = std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-    return area_of > kFlat * longest ? area_of : kForbidden;
+    return triangle_area > kMinAreaRatio * longest ? triangle_area : kForbidden;
   };
   for (std::size_t length = 2; length < n; ++length)
     for (std::size_t i = 0; i + length < n; ++i) {
@@ -156,10 +156,10 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
   if (max_size <= 0) return 0;
   const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
   std::unordered_map<std::uint32_t, std::uint32_t> next;
-  std::vector<bool> twice(mesh.positions.size(), false);
+  std::vector<bool> is_branching(mesh.positions.size(), false);
   std::vector<std::uint32_t> begins;
   for (const auto& [from, to] : boundary_edges(mesh, sides)) {
-    if (!next.try_emplace(from, to).second) twice[from] = true;
+    if (!next.try_emplace(from, to).second) is_branching[from] = true;
     begins.push_back(from);
   }
   // Starts at the lowest positions, to be independent of the vertex numbering.
@@ -179,10 +179,10 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
       done[v] = true;
       rim.push_back(v);
       box.extend(mesh.positions[v]);
-      is_simple = is_simple && !twice[v] && next.contains(next.at(v));
+      is_simple = is_simple && !is_branching[v] && next.contains(next.at(v));
       if (!is_simple) break;
     }
-    if (!is_simple || rim.size() < 3 || rim.size() > kLongestRim || box.diagonal().norm() > max_size) continue;
+    if (!is_simple || rim.size() < 3 || rim.size() > kMaxRimVertices || box.diagonal().norm() > max_size) continue;
     // The border of a hole runs opposite to the surface's normal; the outer border of a component runs along with it.
     for (std::size_t i = 0; i < rim.size(); ++i) {
       const Eigen::Vector3d a = mesh.positions[rim[i]].cast<double>(),
@@ -224,10 +224,10 @@ bool remove_coincident(Mesh& mesh, const std::vector<Side>& sides, const std::ve
     for (std::size_t i = begin; i < end; ++i)
       for (std::size_t k = begin; k < i; ++k) {
         if (vertex(sides[i], 2) != vertex(sides[k], 2)) continue;
-        const bool look_apart = vertex(sides[i], 0) != vertex(sides[k], 0);
-        if (look_apart && keep_sheets) continue;
+        const bool are_opposite = vertex(sides[i], 0) != vertex(sides[k], 0);
+        if (are_opposite && keep_sheets) continue;
         remove[sides[i].triangle] = any = true;
-        if (look_apart) remove[sides[k].triangle] = true;
+        if (are_opposite) remove[sides[k].triangle] = true;
       }
   });
   if (any) remove_triangles(mesh, remove);
@@ -242,15 +242,15 @@ bool remove_beyond_two(Mesh& mesh, const std::vector<Side>& sides) {
     std::size_t left = 0;
     for (std::size_t i = begin; i < end; ++i) left += !remove[sides[i].triangle];
     for (; left > 2; --left, any = true) {
-      std::size_t least = end;
+      std::size_t smallest = end;
       for (std::size_t i = begin; i < end; ++i) {
         const std::uint32_t t = sides[i].triangle;
         if (remove[t]) continue;
-        if (least == end || area_vector(mesh, mesh.triangles[t]).norm() <
-                                area_vector(mesh, mesh.triangles[sides[least].triangle]).norm())
-          least = i;
+        if (smallest == end || area_vector(mesh, mesh.triangles[t]).norm() <
+                                   area_vector(mesh, mesh.triangles[sides[smallest].triangle]).norm())
+          smallest = i;
       }
-      remove[sides[least].triangle] = true;
+      remove[sides[smallest].triangle] = true;
     }
   });
   if (any) remove_triangles(mesh, remove);

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <functional>
 
-#include "cairn/export.hpp"
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/export_options.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 namespace cairn {
 

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 // One function per file format; for common behavior see write_mesh and read_mesh.
 namespace cairn {

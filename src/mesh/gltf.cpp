@@ -22,12 +22,12 @@
 #include <string_view>
 #include <utility>
 
-#include "base/axes.hpp"
+#include "base/atomic_file.hpp"
+#include "base/file_name.hpp"
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
 #include "base/spool.hpp"
-#include "cairn/atomic_file.hpp"
-#include "cairn/file_name.hpp"
+#include "geometry/axes.hpp"
 #include "mesh/clean.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/topology.hpp"
@@ -36,8 +36,8 @@ namespace cairn {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
-constexpr int kGrid = 65535;  // steps of a quantized position along the longest side
-constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoTexCoordBits = 14, kDracoColourBits = 12;
+constexpr int kGridSteps = 65535;  // steps of a quantized position along the longest side
+constexpr int kDracoPositionBits = 16, kDracoNormalBits = 10, kDracoTexCoordBits = 14, kDracoColorBits = 12;
 constexpr std::array kUnlit{"KHR_materials_unlit"};
 
 Eigen::Vector3f turned(const Eigen::Vector3f& v) { return from_world(v, Axes::y_up); }
@@ -91,12 +91,12 @@ std::vector<float> flat(const std::vector<Eigen::Vector3f>& vectors) {
   return values;
 }
 
-Stream colours_of(const Mesh& mesh) {
+Stream colors_of(const Mesh& mesh) {
   std::array<std::uint16_t, 256> table{};
   for (std::size_t i = 0; i < table.size(); ++i) table[i] = linear(static_cast<std::uint8_t>(i));
   std::vector<std::uint16_t> values;
-  values.reserve(4 * mesh.colours.size());
-  for (const auto& c : mesh.colours) values.insert(values.end(), {table[c[0]], table[c[1]], table[c[2]], 65535});
+  values.reserve(4 * mesh.colors.size());
+  for (const auto& c : mesh.colors) values.insert(values.end(), {table[c[0]], table[c[1]], table[c[2]], 65535});
   return stream_of(values, 4, 4, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_VEC4, true);
 }
 
@@ -112,12 +112,12 @@ Attributes plain_attributes(const Mesh& mesh) {
       texture_coordinates.insert(texture_coordinates.end(), {p.x(), p.y()});
     attributes.emplace_back("TEXCOORD_0", floats(texture_coordinates, TINYGLTF_TYPE_VEC2));
   }
-  if (!mesh.colours.empty() && mesh.texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  if (!mesh.colors.empty() && mesh.texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colors_of(mesh));
   if (!mesh.sigmas.empty()) attributes.emplace_back(kSigma, floats(mesh.sigmas, TINYGLTF_TYPE_SCALAR));
   return attributes;
 }
 
-Attributes quantised_attributes(const Snapped& snapped) {
+Attributes quantized_attributes(const Snapped& snapped) {
   const Mesh& mesh = snapped.mesh;
   Attributes attributes;
   std::vector<std::uint16_t> positions, texture_coordinates;
@@ -139,7 +139,7 @@ Attributes quantised_attributes(const Snapped& snapped) {
   if (!texture_coordinates.empty())
     attributes.emplace_back("TEXCOORD_0", stream_of(texture_coordinates, 2, 2, TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT,
                                                     TINYGLTF_TYPE_VEC2, true));
-  if (!mesh.colours.empty() && texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colours_of(mesh));
+  if (!mesh.colors.empty() && texture_coordinates.empty()) attributes.emplace_back("COLOR_0", colors_of(mesh));
   if (!mesh.sigmas.empty()) attributes.emplace_back(kSigma, floats(mesh.sigmas, TINYGLTF_TYPE_SCALAR));
   return attributes;
 }
@@ -193,7 +193,7 @@ std::vector<double> numbers(const Eigen::Vector3f& v) { return {v.x(), v.y(), v.
 
 }  // namespace
 
-Snapped snap(const Mesh& mesh, bool is_whole) {
+Snapped snap(const Mesh& mesh, bool is_single_mesh) {
   Snapped snapped{.mesh = mesh};
   if (mesh.positions.empty()) return snapped;
   Eigen::AlignedBox3f box;
@@ -201,12 +201,12 @@ Snapped snap(const Mesh& mesh, bool is_whole) {
   snapped.low = box.min();
   // A power of two: multiples are exact, so equal positions remain equal in all parts.
   const float longest = std::max(box.sizes().maxCoeff(), 1e-3f);
-  snapped.step = std::exp2(std::ceil(std::log2(longest / static_cast<float>(kGrid - 1))));
+  snapped.step = std::exp2(std::ceil(std::log2(longest / static_cast<float>(kGridSteps - 1))));
   snapped.low = ((snapped.low / snapped.step).array().floor() * snapped.step).matrix();
   for (auto& p : snapped.mesh.positions)
     p = turned((((turned(p) - snapped.low) / snapped.step).array().round() * snapped.step).matrix() + snapped.low);
   ManifoldOptions options;
-  if (!is_whole) options.fixed = [](std::uint32_t) { return true; };  // any vertex may be shared with other parts
+  if (!is_single_mesh) options.fixed = [](std::uint32_t) { return true; };  // any vertex may be shared with other parts
   (void)make_manifold(snapped.mesh, options);
   (void)drop_unused_vertices(snapped.mesh);
   for (float& sigma : snapped.mesh.sigmas) sigma = coarse(sigma);
@@ -214,36 +214,35 @@ Snapped snap(const Mesh& mesh, bool is_whole) {
 }
 
 /// A buffer as a list of chunks: growth copies no data, and the data may be on disk.
-struct Pieces {
+struct ChunkedBuffer {
   std::size_t size = 0;  // bytes, including preceding chunks
   std::shared_ptr<Spool> spool;
-  std::vector<std::shared_ptr<const Bytes>> all;  // used without a spool
+  std::vector<std::shared_ptr<const Bytes>> chunks;  // used without a spool
   void add(std::shared_ptr<const Bytes> bytes) {
     size += bytes->size();
     if (spool)
       spool->append({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
     else
-      all.push_back(std::move(bytes));
+      chunks.push_back(std::move(bytes));
   }
   void align() {
     if (size % 4 != 0) add(std::make_shared<const Bytes>(4 - size % 4, 0));
   }
   void put(std::ostream& out) const {
     if (spool) spool->copy_to(out);
-    for (const auto& piece : all)
-      out.write(reinterpret_cast<const char*>(piece->data()), static_cast<std::streamsize>(piece->size()));
+    for (const auto& chunk : chunks)
+      out.write(reinterpret_cast<const char*>(chunk->data()), static_cast<std::streamsize>(chunk->size()));
   }
 };
 
 /// Writes a .glb with its JSON and its buffer, given in two parts.
-void put_glb(std::ostream& out, std::string json, const Pieces& first, Pieces last) {
+void put_glb(std::ostream& out, std::string json, const ChunkedBuffer& first, ChunkedBuffer last) {
   while (json.size() % 4 != 0) json += ' ';
   const bool is_empty = last.size == 0;
   last.align();
   const std::size_t total = 12 + 8 + json.size() + (is_empty ? 0 : 8 + last.size);
   if (total > std::numeric_limits<std::uint32_t>::max())
-    throw std::runtime_error(
-        "more than 4 GiB do not fit into a .glb: simplify or compress it, or write a tileset.json");
+    throw std::runtime_error("a .glb cannot exceed 4 GiB: simplify or compress the mesh, or write a tileset.json");
   const auto put = [&](std::size_t word) {
     for (int i = 0; i < 4; ++i) out.put(static_cast<char>(word >> (8 * i)));
   };
@@ -264,7 +263,7 @@ Bytes bytes_of(const std::ostringstream& out) {
 struct GltfWriter::State {
   GltfOptions options;
   tinygltf::Model model;
-  Pieces buffer;
+  ChunkedBuffer buffer;
   std::size_t fallback = 0;  // size of the fallback buffer, bytes
   struct Compressed {        // source of a view of the fallback buffer
     std::size_t view, offset, size, count, stride;
@@ -354,7 +353,7 @@ struct GltfWriter::State {
     material.pbrMetallicRoughness.roughnessFactor = 1.0;
     material.doubleSided = true;
     const bool is_textured = !mesh.texture_coordinates.empty();
-    if (!options.lit && (is_textured || !mesh.colours.empty())) {  // the colors already include the lighting
+    if (!options.lit && (is_textured || !mesh.colors.empty())) {  // the colors already include the lighting
       use(kUnlit[0]);
       material.extensions[kUnlit[0]] = tinygltf::Value(tinygltf::Value::Object{});
     }
@@ -419,7 +418,7 @@ struct GltfWriter::State {
     encoder.SetAttributeQuantization(draco::GeometryAttribute::POSITION, kDracoPositionBits);
     encoder.SetAttributeQuantization(draco::GeometryAttribute::NORMAL, kDracoNormalBits);
     encoder.SetAttributeQuantization(draco::GeometryAttribute::TEX_COORD, kDracoTexCoordBits);
-    encoder.SetAttributeQuantization(draco::GeometryAttribute::COLOR, kDracoColourBits);
+    encoder.SetAttributeQuantization(draco::GeometryAttribute::COLOR, kDracoColorBits);
     draco::EncoderBuffer out;
     if (const draco::Status status = encoder.EncodeMeshToBuffer(coded, &out); !status.ok())
       throw std::runtime_error("draco cannot encode the mesh: " + status.error_msg_string());
@@ -440,11 +439,11 @@ struct GltfWriter::State {
 
   /// The JSON; `bin` and `image_files` name the external files, empty: embedded.
   [[nodiscard]] std::string json(const std::string& bin, const std::vector<std::string>& image_files) const {
-    tinygltf::Model told = model;
+    tinygltf::Model document = model;
     tinygltf::TinyGLTF writer;
     std::ostringstream text;
-    told.images.clear();  // else tinygltf would write the images
-    if (!writer.WriteGltfSceneToStream(&told, text, false, false)) throw std::runtime_error("tinygltf failed");
+    document.images.clear();  // else tinygltf would write the images
+    if (!writer.WriteGltfSceneToStream(&document, text, false, false)) throw std::runtime_error("tinygltf failed");
     nlohmann::json j = parsed_json(text.str());
     if (buffer.size > 0) {
       j["buffers"] = {{{"byteLength", buffer.size}}};
@@ -482,8 +481,8 @@ GltfWriter::GltfWriter(GltfOptions options) : state_(std::make_unique<State>()) 
   s.options.axes = resolved(s.options.axes, Axes::y_up);
   const char* up = s.options.axes == Axes::y_up ? "y" : s.options.axes == Axes::z_up ? "z" : "-y";
   extras["up_axis"] = tinygltf::Value(std::string(!upright || upright->known ? up : "unknown"));
-  extras["axes"] = tinygltf::Value(std::string(name_of(s.options.axes)));
-  if (upright) extras["up_source"] = tinygltf::Value(std::string(name_of(upright->source)));
+  extras["axes"] = tinygltf::Value(std::string(to_string(s.options.axes)));
+  if (upright) extras["up_source"] = tinygltf::Value(std::string(to_string(upright->source)));
   extras["unit"] = tinygltf::Value(std::string("metre"));
   extras["scale"] = tinygltf::Value(1.0);
   extras["gltf_from_world"] =
@@ -503,13 +502,13 @@ GltfWriter::GltfWriter(GltfWriter&&) noexcept = default;
 GltfWriter::Added GltfWriter::add(const std::string& name, const Mesh& in_world) {
   if (in_world.triangles.empty()) return {};  // glTF has no empty meshes
   State& s = *state_;
-  const bool is_usual = s.options.axes == Axes::y_up;
-  const Mesh turned_mesh = is_usual ? Mesh() : before_y_up(in_world, s.options.axes);
-  const Mesh& given = is_usual ? in_world : turned_mesh;
+  const bool is_y_up = s.options.axes == Axes::y_up;
+  const Mesh turned_mesh = is_y_up ? Mesh() : before_y_up(in_world, s.options.axes);
+  const Mesh& given = is_y_up ? in_world : turned_mesh;
   const Compression compression = s.options.compression;
   std::optional<Snapped> snapped;
   if (compression != Compression::none) {
-    snapped = snap(given, s.options.is_whole);
+    snapped = snap(given, s.options.is_single_mesh);
     if (compression == Compression::meshopt) reorder(snapped->mesh);
     if (snapped->mesh.triangles.empty()) return {};
   }
@@ -523,7 +522,7 @@ GltfWriter::Added GltfWriter::add(const std::string& name, const Mesh& in_world)
     s.encode_draco(mesh, primitive);
   } else {
     const bool compress = compression == Compression::meshopt;
-    for (auto& [attribute, stream] : snapped ? quantised_attributes(*snapped) : plain_attributes(mesh)) {
+    for (auto& [attribute, stream] : snapped ? quantized_attributes(*snapped) : plain_attributes(mesh)) {
       primitive.attributes[attribute] = s.add_stream(std::move(stream), false, compress);
       if (attribute == "POSITION") set_box(mesh, snapped ? &*snapped : nullptr, s.model.accessors.back());
     }
@@ -599,19 +598,19 @@ void GltfWriter::add_cameras(const Camera& camera, const Trajectory& path,
 }
 
 Bytes join_glb(std::string json, Bytes buffer) {
-  Pieces pieces;
-  pieces.add(std::make_shared<const Bytes>(std::move(buffer)));
+  ChunkedBuffer buffered;
+  buffered.add(std::make_shared<const Bytes>(std::move(buffer)));
   std::ostringstream out;
-  put_glb(out, std::move(json), {}, std::move(pieces));
+  put_glb(out, std::move(json), {}, std::move(buffered));
   return bytes_of(out);
 }
 
 void GltfWriter::put(std::ostream& out) const {
   // Images are at the end of the buffer.
-  State whole = *state_;
-  whole.buffer = {.size = state_->buffer.size, .spool = {}, .all = {}};
-  for (const auto& image : whole.images) (void)whole.add_view(image);
-  put_glb(out, whole.json({}, {}), state_->buffer, std::move(whole.buffer));
+  State copy = *state_;
+  copy.buffer = {.size = state_->buffer.size, .spool = {}, .chunks = {}};
+  for (const auto& image : copy.images) (void)copy.add_view(image);
+  put_glb(out, copy.json({}, {}), state_->buffer, std::move(copy.buffer));
 }
 
 std::vector<std::filesystem::path> GltfWriter::write(const std::filesystem::path& file) const {

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "cairn/camera.hpp"
-#include "cairn/export.hpp"
-#include "cairn/mesh.hpp"
-#include "cairn/trajectory.hpp"
-#include "cairn/upright.hpp"
+#include "cairn/mapping/camera.hpp"
+#include "cairn/mapping/export_options.hpp"
+#include "cairn/mapping/gravity_alignment.hpp"
+#include "cairn/mapping/mesh.hpp"
+#include "cairn/mapping/trajectory.hpp"
 
 namespace cairn {
 
@@ -25,12 +25,12 @@ struct GltfOptions {
   Compression compression = Compression::none;
   bool png = false;  // textures as PNG instead of JPEG
   int jpeg_quality = 90;
-  bool lit = false;                // lit materials instead of KHR_materials_unlit
-  std::string source;              // written to asset.extras
-  std::optional<Upright> upright;  // written to asset.extras, too; none: +y is up
-  Axes axes = Axes::automatic;     // written to asset.extras, too; glTF itself requires y_up
-  bool is_whole = false;           // a single mesh, without neighbors in other files
-  std::filesystem::path file;      // output path: data is buffered on its disk; empty: in memory
+  bool lit = false;                         // lit materials instead of KHR_materials_unlit
+  std::string source;                       // written to asset.extras
+  std::optional<GravityAlignment> upright;  // written to asset.extras, too; none: +y is up
+  Axes axes = Axes::automatic;              // written to asset.extras, too; glTF itself requires y_up
+  bool is_single_mesh = false;              // a single mesh, without neighbors in other files
+  std::filesystem::path file;               // output path: data is buffered on its disk; empty: in memory
 };
 
 /// Incremental writer of a glTF file. Added meshes are stored in their final, compressed form.
@@ -61,13 +61,13 @@ class GltfWriter {
 [[nodiscard]] std::vector<std::uint8_t> join_glb(std::string json, std::vector<std::uint8_t> buffer);
 
 /// A mesh with positions on the quantization grid of glTF, rounded sigmas, and without triangles that lose their area.
-/// `is_whole`: the mesh has no neighbors in other parts; see make_manifold.
+/// `is_single_mesh`: the mesh has no neighbors in other parts; see make_manifold.
 struct Snapped {
   Mesh mesh;
   Eigen::Vector3f low = Eigen::Vector3f::Zero();  // in the glTF frame
   float step = 1;
 };
-[[nodiscard]] Snapped snap(const Mesh& mesh, bool is_whole = false);
+[[nodiscard]] Snapped snap(const Mesh& mesh, bool is_single_mesh = false);
 
 /// Decodes EXT_meshopt_compression and KHR_draco_mesh_compression, which tinygltf does not support, and returns the
 /// result as a .glb. Returns an empty vector for files without them.

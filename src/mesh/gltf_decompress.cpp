@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/file_name.hpp"
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
-#include "cairn/file_name.hpp"
 #include "mesh/gltf.hpp"
 
 namespace cairn {
@@ -21,7 +21,7 @@ using Json = nlohmann::json;
 using Bytes = std::vector<std::uint8_t>;
 constexpr const char *kMeshopt = "EXT_meshopt_compression", *kDraco = "KHR_draco_mesh_compression";
 
-constexpr std::size_t kMostUnpacked = 64;  // maximum expansion factor of meshopt's vertex codec
+constexpr std::size_t kMaxExpansion = 64;  // maximum expansion factor of meshopt's vertex codec
 
 template <class T>
 const T& item(const std::vector<T>& list, const Json& index, const char* what) {
@@ -52,15 +52,15 @@ Bytes decode_meshopt(const Json& view, const std::vector<Bytes>& buffers) {
       part(item(buffers, e.at("buffer"), "buffer"), e.value("byteOffset", std::size_t{0}), e.at("byteLength"));
   // Validates sizes: the decoders abort on unsupported input, and the output size does not limit their writes.
   const bool attributes = mode == "ATTRIBUTES", triangles = mode == "TRIANGLES";
-  if (!attributes && !triangles && mode != "INDICES") throw std::runtime_error("a compressed view has no known mode");
+  if (!attributes && !triangles && mode != "INDICES") throw std::runtime_error("a compressed view has an unknown mode");
   if (attributes ? stride == 0 || stride > 256 || stride % 4 != 0 : stride != 2 && stride != 4)
     throw std::runtime_error("a compressed view has a stride of " + std::to_string(stride) + ", which " + mode +
                              " cannot have");
-  if ((triangles && count % 3 != 0) || count > packed.size() * kMostUnpacked / stride)
+  if ((triangles && count % 3 != 0) || count > packed.size() * kMaxExpansion / stride)
     throw std::runtime_error("a compressed view has " + std::to_string(count) + " elements, which its " +
                              std::to_string(packed.size()) + " bytes cannot hold");
   if (e.value("filter", "NONE") != "NONE")
-    throw std::runtime_error("filters of " + std::string(kMeshopt) + " are not read");
+    throw std::runtime_error("filters of " + std::string(kMeshopt) + " are not supported");
   Bytes bytes(count * stride);
   const int failed = attributes ? meshopt_decodeVertexBuffer(bytes.data(), count, stride, packed.data(), packed.size())
                      : triangles
@@ -163,7 +163,7 @@ std::vector<std::uint8_t> decompressed_gltf(const std::filesystem::path& file) {
     throw std::runtime_error(file.string() + ": cannot be read as glTF: its JSON is malformed at byte " +
                              std::to_string(error.byte));
   } catch (const Json::exception&) {
-    throw std::runtime_error(file.string() + ": cannot be read as glTF: its JSON does not say what glTF asks for");
+    throw std::runtime_error(file.string() + ": cannot be read as glTF: its JSON does not follow the glTF format");
   } catch (const std::exception& error) {
     throw std::runtime_error(file.string() + ": cannot be read as glTF: " + error.what());
   }

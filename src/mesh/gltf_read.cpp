@@ -11,12 +11,12 @@
 #include <span>
 #include <stdexcept>
 
-#include "base/axes.hpp"
 #include "base/checked_count.hpp"
+#include "base/file_name.hpp"
 #include "base/image_file.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
-#include "cairn/file_name.hpp"
+#include "geometry/axes.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 
@@ -42,18 +42,19 @@ const T& item(const std::vector<T>& list, int index, const char* what) {
 class Budget {
  public:
   explicit Budget(const tinygltf::Model& model) {
-    for (const auto& buffer : model.buffers) left_ += product(kTimes, buffer.data.size());
-    for (const auto& image : model.images) left_ += product(kTimes, image.image.size());
+    for (const auto& buffer : model.buffers) left_ += product(kMaxExpansion, buffer.data.size());
+    for (const auto& image : model.images) left_ += product(kMaxExpansion, image.image.size());
   }
   void take(std::uint64_t count, std::uint64_t bytes_each) {
     const std::uint64_t bytes = product(count, bytes_each);
     if (bytes > left_)
-      throw std::runtime_error("it shows the same vertices or textures so often that it takes far more than its bytes");
+      throw std::runtime_error(
+          "it repeats the same vertices or textures too often: its contents are far larger than the file");
     left_ -= bytes;
   }
 
  private:
-  static constexpr std::uint64_t kTimes = 64;
+  static constexpr std::uint64_t kMaxExpansion = 64;
   std::uint64_t left_ = 256u << 20;  // base allowance of every file
 };
 
@@ -69,15 +70,16 @@ std::span<const std::uint8_t> bytes_of(const tinygltf::Model& model, const tinyg
 template <class Take>
 void read_accessor(const tinygltf::Model& model, int index, Budget& budget, const Take& take) {
   const auto& accessor = item(model.accessors, index, "accessor");
-  if (accessor.bufferView < 0 || accessor.sparse.isSparse) throw std::runtime_error("sparse accessors are not read");
+  if (accessor.bufferView < 0 || accessor.sparse.isSparse)
+    throw std::runtime_error("sparse accessors are not supported");
   const auto& view = item(model.bufferViews, accessor.bufferView, "view");
   const auto bytes = bytes_of(model, view);
   const int components = tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(accessor.type));
   const int size = tinygltf::GetComponentSizeInBytes(static_cast<std::uint32_t>(accessor.componentType));
-  const int step = accessor.ByteStride(view);
-  if (components < 1 || components > 4 || size < 1 || step < 1)
-    throw std::runtime_error("an accessor has a type or a stride that is not read");
-  const auto stride = static_cast<std::size_t>(step), start = accessor.byteOffset,
+  const int byte_stride = accessor.ByteStride(view);
+  if (components < 1 || components > 4 || size < 1 || byte_stride < 1)
+    throw std::runtime_error("an accessor has an unsupported type or stride");
+  const auto stride = static_cast<std::size_t>(byte_stride), start = accessor.byteOffset,
              element = static_cast<std::size_t>(components * size);
   // Avoids products and sums of untrusted values, which may overflow.
   if (accessor.count > 0 && (start > bytes.size() || element > bytes.size() - start ||
@@ -117,7 +119,7 @@ void read_accessor(const tinygltf::Model& model, int index, Budget& budget, cons
           out = as(std::uint32_t{});
           break;
         default:
-          throw std::runtime_error("an accessor has a component type that is not read");
+          throw std::runtime_error("an accessor has an unsupported component type");
       }
     }
     take(v);
@@ -145,7 +147,7 @@ Texture texture_of(const tinygltf::Model& model, const tinygltf::Primitive& prim
   const cv::Mat pixels =
       decode_image(image.bufferView < 0 ? std::span<const std::uint8_t>(image.image)
                                         : bytes_of(model, item(model.bufferViews, image.bufferView, "view")),
-                   Pixels::rgb, {.most_side = kMostTextureSide});
+                   Pixels::rgb, {.max_side = kMaxTextureSide});
   budget.take(pixels.total(), 3);
   texture.width = pixels.cols;
   texture.height = pixels.rows;
@@ -200,17 +202,17 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
     mesh.normals.push_back(
         turned((normal_transform * Eigen::Vector3d(v[0], v[1], v[2])).normalized().template cast<float>()));
   });
-  each("COLOR_0", [&](const auto& v) { mesh.colours.push_back({srgb(v[0]), srgb(v[1]), srgb(v[2]), 255}); });
+  each("COLOR_0", [&](const auto& v) { mesh.colors.push_back({srgb(v[0]), srgb(v[1]), srgb(v[2]), 255}); });
   each("TEXCOORD_0", [&](const auto& v) {
     mesh.texture_coordinates.emplace_back(static_cast<float>(v[0]), static_cast<float>(v[1]));
   });
   each(kSigma, [&](const auto& v) { mesh.sigmas.push_back(static_cast<float>(v[0])); });
   const std::size_t count = mesh.positions.size();
   if ((!mesh.normals.empty() && mesh.normals.size() != count) ||
-      (!mesh.colours.empty() && mesh.colours.size() != count) ||
+      (!mesh.colors.empty() && mesh.colors.size() != count) ||
       (!mesh.texture_coordinates.empty() && mesh.texture_coordinates.size() != count) ||
       (!mesh.sigmas.empty() && mesh.sigmas.size() != count))
-    throw std::runtime_error("the attributes of a mesh are not of one size");
+    throw std::runtime_error("the attributes of a mesh have different sizes");
   if (!mesh.texture_coordinates.empty()) mesh.texture = texture_of(model, primitive, budget);
   std::vector<std::uint32_t> indices;
   if (primitive.indices >= 0)
@@ -226,18 +228,18 @@ Mesh part_of(const tinygltf::Model& model, const tinygltf::Primitive& primitive,
   return mesh;
 }
 
-/// `seen` holds the visited nodes: a second visit is an error, since cycles would not terminate.
+/// `visited` holds the visited nodes: a second visit is an error, since cycles would not terminate.
 void append(const tinygltf::Model& model, int index, const Eigen::Affine3d& parent, std::vector<Mesh>& parts,
-            std::set<int>& seen, Budget& budget, int depth) {
+            std::set<int>& visited, Budget& budget, int depth) {
   const auto& node = item(model.nodes, index, "node");
   if (depth > 64) throw std::runtime_error("its nodes are nested too deeply");
-  if (!seen.insert(index).second) throw std::runtime_error("node " + std::to_string(index) + " is there twice");
+  if (!visited.insert(index).second) throw std::runtime_error("node " + std::to_string(index) + " appears twice");
   const Eigen::Affine3d transform = parent * local_transform(node);
   if (node.mesh >= 0)
     for (const auto& primitive : item(model.meshes, node.mesh, "mesh").primitives)
       if (primitive.mode == TINYGLTF_MODE_TRIANGLES && primitive.attributes.contains("POSITION"))
         parts.push_back(part_of(model, primitive, transform, budget));
-  for (const int child : node.children) append(model, child, transform, parts, seen, budget, depth + 1);
+  for (const int child : node.children) append(model, child, transform, parts, visited, budget, depth + 1);
 }
 
 }  // namespace
@@ -259,19 +261,19 @@ std::vector<Mesh> read_gltf_parts(const std::filesystem::path& file) {
   std::vector<Mesh> parts;
   try {
     const std::size_t scene = model.defaultScene < 0 ? 0 : static_cast<std::size_t>(model.defaultScene);
-    std::set<int> seen;
+    std::set<int> visited;
     Budget budget(model);
     if (scene < model.scenes.size())
       for (const int node : model.scenes[scene].nodes)
-        append(model, node, Eigen::Affine3d::Identity(), parts, seen, budget, 0);
+        append(model, node, Eigen::Affine3d::Identity(), parts, visited, budget, 0);
   } catch (const std::exception& problem) {
     throw std::runtime_error(file.string() + ": " + problem.what());
   }
   // The file's extras may declare axes other than glTF's.
-  const tinygltf::Value& told = model.asset.extras;
-  if (told.IsObject() && told.Has("axes") && told.Get("axes").IsString())
+  const tinygltf::Value& extras = model.asset.extras;
+  if (extras.IsObject() && extras.Has("axes") && extras.Get("axes").IsString())
     for (const Axes axes : {Axes::world, Axes::z_up})
-      if (told.Get("axes").Get<std::string>() == name_of(axes))
+      if (extras.Get("axes").Get<std::string>() == to_string(axes))
         for (Mesh& part : parts) {
           turn_from_world(part, Axes::y_up);
           turn_to_world(part, axes);

@@ -3,8 +3,8 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 
+#include "base/file_name.hpp"
 #include "base/image_file.hpp"
-#include "cairn/file_name.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/topology.hpp"
@@ -14,7 +14,7 @@ namespace {
 
 [[noreturn]] void unknown(const std::filesystem::path& file) {
   throw std::runtime_error(file.string() + ": '" + file.extension().string() +
-                           "' is no mesh format that is read; use .glb, .gltf or .ply");
+                           "' is not a supported mesh format; use .glb, .gltf or .ply");
 }
 
 }  // namespace
@@ -46,7 +46,7 @@ std::vector<Mesh> read_mesh_parts(const std::filesystem::path& file) {
     for (std::size_t v = 0; v < part.positions.size(); ++v)
       if (!part.positions[v].allFinite())
         throw std::runtime_error(file.string() + ": vertex " + std::to_string(v) +
-                                 " is at no place: a coordinate is not finite");
+                                 " has a coordinate that is not finite");
   return parts;
 }
 

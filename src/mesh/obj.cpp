@@ -5,8 +5,8 @@
 
 #include <iterator>
 
-#include "base/axes.hpp"
-#include "cairn/atomic_file.hpp"
+#include "base/atomic_file.hpp"
+#include "geometry/axes.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {
@@ -30,9 +30,9 @@ std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, 
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
       const Eigen::Vector3f p = from_world(mesh.positions[v], axes);
       fmt::format_to(out, "v {} {} {}", p.x(), p.y(), p.z());
-      if (!mesh.colours.empty() && !is_textured)
-        fmt::format_to(out, " {:.4f} {:.4f} {:.4f}", mesh.colours[v][0] / 255.0, mesh.colours[v][1] / 255.0,
-                       mesh.colours[v][2] / 255.0);
+      if (!mesh.colors.empty() && !is_textured)
+        fmt::format_to(out, " {:.4f} {:.4f} {:.4f}", mesh.colors[v][0] / 255.0, mesh.colors[v][1] / 255.0,
+                       mesh.colors[v][2] / 255.0);
       text += '\n';
     }
     for (const auto& p : mesh.texture_coordinates) fmt::format_to(out, "vt {:.6f} {:.6f}\n", p.x(), 1 - p.y());

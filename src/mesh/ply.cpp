@@ -10,10 +10,10 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "base/axes.hpp"
+#include "base/atomic_file.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
-#include "cairn/atomic_file.hpp"
+#include "geometry/axes.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {
@@ -57,7 +57,7 @@ class Rest {
     if (type == "short" || type == "int16") return as<std::int16_t>();
     if (type == "uint" || type == "uint32") return as<std::uint32_t>();
     if (type == "int" || type == "int32") return as<std::int32_t>();
-    throw std::runtime_error("type '" + shown(type) + "' is not read");
+    throw std::runtime_error("type '" + shown(type) + "' is not supported");
   }
 
  private:
@@ -83,7 +83,7 @@ struct Header {
 };
 
 Header read_header(Rest& rest) {
-  if (!rest.line().starts_with("ply")) throw std::runtime_error("is no PLY file");
+  if (!rest.line().starts_with("ply")) throw std::runtime_error("is not a PLY file");
   Header header;
   std::string format;
   while (true) {
@@ -102,7 +102,7 @@ Header read_header(Rest& rest) {
       std::string text;
       words >> element.name >> text;
       const auto count = number_in<std::uint64_t>(text);
-      if (!count) throw std::runtime_error("'" + shown(text) + "' is no number of elements");
+      if (!count) throw std::runtime_error("'" + shown(text) + "' is not a number of elements");
       element.count = *count;
     } else if (word == "property" && !header.elements.empty()) {
       Property p;
@@ -114,7 +114,7 @@ Header read_header(Rest& rest) {
   }
   header.ascii = format == "ascii";
   if (!header.ascii && format != "binary_little_endian")
-    throw std::runtime_error("format '" + shown(format) + "' is not read");
+    throw std::runtime_error("format '" + shown(format) + "' is not supported");
   if (std::count_if(header.elements.begin(), header.elements.end(),
                     [](const Element& e) { return e.name == "vertex"; }) > 1)
     throw std::runtime_error("has more than one list of vertices");  // their properties might differ
@@ -132,7 +132,7 @@ Header read_header(Rest& rest) {
 }
 
 /// Checks a list's index or length.
-std::uint32_t whole(double value) {
+std::uint32_t to_index(double value) {
   if (!(value >= 0 && value <= std::numeric_limits<std::uint32_t>::max()))
     throw std::runtime_error("a face has an index or a length that is negative or too large");
   return static_cast<std::uint32_t>(value);
@@ -155,9 +155,9 @@ Mesh read(Rest rest) {
         }
         const bool is_face = element.name == "face" && p.name.starts_with("vertex_ind");
         list.clear();
-        for (std::uint32_t left = whole(rest.number(p.count_type, ascii)); left > 0; --left) {
+        for (std::uint32_t left = to_index(rest.number(p.count_type, ascii)); left > 0; --left) {
           const double item = rest.number(p.type, ascii);
-          if (is_face) list.push_back(whole(item));
+          if (is_face) list.push_back(to_index(item));
         }
         for (std::size_t k = 1; k + 1 < list.size(); ++k) mesh.triangles.push_back({list[0], list[k], list[k + 1]});
       }
@@ -166,7 +166,7 @@ Mesh read(Rest rest) {
       mesh.positions.emplace_back(f("x"), f("y"), f("z"));
       if (v.contains("nx")) mesh.normals.emplace_back(f("nx"), f("ny"), f("nz"));
       if (v.contains("sigma")) mesh.sigmas.push_back(f("sigma"));
-      if (v.contains("red")) mesh.colours.push_back({channel(v["red"]), channel(v["green"]), channel(v["blue"]), 255});
+      if (v.contains("red")) mesh.colors.push_back({channel(v["red"]), channel(v["green"]), channel(v["blue"]), 255});
     }
   }
   for (const auto& t : mesh.triangles)
@@ -194,7 +194,7 @@ void write_ply(const std::filesystem::path& file, Mesh mesh, Axes axes) {
   header << "ply\nformat binary_little_endian 1.0\ncomment cairn, metres, " << described(axes) << "\nelement vertex "
          << mesh.positions.size() << "\nproperty float x\nproperty float y\nproperty float z\n";
   if (!mesh.normals.empty()) header << "property float nx\nproperty float ny\nproperty float nz\n";
-  if (!mesh.colours.empty()) header << "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  if (!mesh.colors.empty()) header << "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   if (!mesh.sigmas.empty()) header << "property float sigma\n";
   header << "element face " << mesh.triangles.size() << "\nproperty list uchar uint vertex_indices\nend_header\n";
   std::string bytes = header.str();
@@ -202,7 +202,7 @@ void write_ply(const std::filesystem::path& file, Mesh mesh, Axes axes) {
   for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
     put(mesh.positions[i].data(), 12);
     if (!mesh.normals.empty()) put(mesh.normals[i].data(), 12);
-    if (!mesh.colours.empty()) put(mesh.colours[i].data(), 3);
+    if (!mesh.colors.empty()) put(mesh.colors[i].data(), 3);
     if (!mesh.sigmas.empty()) put(&mesh.sigmas[i], 4);
   }
   for (const auto& t : mesh.triangles) {

@@ -42,12 +42,12 @@ void SurfacePoints::add(const Mesh& mesh) {
           (a * mesh.normals[t[0]] + s.b * mesh.normals[t[1]] + s.c * mesh.normals[t[2]]).normalized());
     if (!mesh.sigmas.empty())
       points_.sigmas.push_back(a * mesh.sigmas[t[0]] + s.b * mesh.sigmas[t[1]] + s.c * mesh.sigmas[t[2]]);
-    if (mesh.colours.empty()) continue;
-    auto& colour = points_.colours.emplace_back();
+    if (mesh.colors.empty()) continue;
+    auto& color = points_.colors.emplace_back();
     for (std::size_t channel = 0; channel < 3; ++channel)
-      colour[channel] = static_cast<std::uint8_t>(std::lround(
-          a * mesh.colours[t[0]][channel] + s.b * mesh.colours[t[1]][channel] + s.c * mesh.colours[t[2]][channel]));
-    colour[3] = 255;
+      color[channel] = static_cast<std::uint8_t>(std::lround(
+          a * mesh.colors[t[0]][channel] + s.b * mesh.colors[t[1]][channel] + s.c * mesh.colors[t[2]][channel]));
+    color[3] = 255;
   }
 }
 

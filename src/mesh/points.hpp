@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <unordered_set>
 
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 namespace cairn {
 

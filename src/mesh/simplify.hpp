@@ -3,8 +3,8 @@
 #pragma once
 #include <vector>
 
-#include "cairn/export.hpp"
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/export_options.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 namespace cairn {
 
@@ -14,13 +14,13 @@ struct Simplified {
 };
 
 /// Simplifies by edge collapse (Garland & Heckbert 1997, meshoptimizer). Vertices keep their positions, borders are
-/// straightened only within the error, and `locked` vertices are kept (empty: none). `keep_colours`: preserves edges
+/// straightened only within the error, and `locked` vertices are kept (empty: none). `keep_colors`: preserves edges
 /// between regions of different colors like borders. The result has no side with more than two triangles.
 /// SimplifyOptions::triangles is a hard limit: if necessary, colors, locked vertices and finally the shape itself are
 /// not preserved.
-Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vector<bool>& locked, bool keep_colours);
+Simplified simplify(Mesh& mesh, const SimplifyOptions& options, const std::vector<bool>& locked, bool keep_colors);
 
 /// Regions of similar color, by triangle (Felzenszwalb & Huttenlocher 2004).
-[[nodiscard]] std::vector<std::uint32_t> colour_regions(const Mesh& mesh);
+[[nodiscard]] std::vector<std::uint32_t> color_regions(const Mesh& mesh);
 
 }  // namespace cairn

@@ -6,8 +6,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "base/axes.hpp"
-#include "cairn/atomic_file.hpp"
+#include "base/atomic_file.hpp"
+#include "geometry/axes.hpp"
 #include "mesh/formats.hpp"
 
 namespace cairn {
@@ -24,7 +24,7 @@ void write_stl(const std::filesystem::path& file, const std::vector<Mesh>& parts
   std::size_t count = 0;
   for (const Mesh& mesh : parts) count += mesh.triangles.size();
   if (count > std::numeric_limits<std::uint32_t>::max())
-    throw std::runtime_error(file.string() + ": STL holds no more than 4,294,967,295 triangles; simplify it");
+    throw std::runtime_error(file.string() + ": STL is limited to 4,294,967,295 triangles; simplify the mesh");
   std::string bytes = "cairn, metres, " + described(axes);  // must not start with "solid", which marks text files
   bytes.resize(kHeader, ' ');
   bytes.reserve(kHeader + 4 + kTriangle * count);

@@ -10,10 +10,10 @@
 #include <stdexcept>
 #include <vector>
 
+#include "base/atomic_file.hpp"
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
-#include "cairn/atomic_file.hpp"
 
 namespace cairn {
 namespace {
@@ -61,9 +61,9 @@ TilesetFile read_tileset_file(const std::filesystem::path& file) {
     const auto bytes = read_whole(file);
     const auto root = parsed_json(bytes).at("root");
     const auto b = root.at("boundingVolume").at("box").get<std::array<float, 12>>();
-    const Eigen::Vector3f centre(b[0], -b[2], b[1]), half(b[3], b[11], b[7]);
+    const Eigen::Vector3f center(b[0], -b[2], b[1]), half(b[3], b[11], b[7]);
     TilesetFile read{.root = {.content = {},
-                              .box = Eigen::AlignedBox3f(centre - half, centre + half),
+                              .box = Eigen::AlignedBox3f(center - half, center + half),
                               .error = root.at("geometricError"),
                               .children = {},
                               .is_tileset = true},
@@ -72,7 +72,7 @@ TilesetFile read_tileset_file(const std::filesystem::path& file) {
       read.content = file.parent_path() / root["content"].at("uri").get_ref<const std::string&>();
     return read;
   } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(file.string() + ": is no tileset: " + plain(error.what()));
+    throw std::runtime_error(file.string() + ": is not a tileset: " + plain(error.what()));
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(file.string() + ": " + error.what());
   }

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/export.hpp"
+#include "cairn/mapping/export_options.hpp"
 
 namespace cairn {
 

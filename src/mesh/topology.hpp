@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "base/mesh_vertices.hpp"
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
+#include "geometry/mesh_vertices.hpp"
 
 namespace cairn {
 

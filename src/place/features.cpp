@@ -14,13 +14,13 @@
 namespace cairn {
 namespace {
 
-constexpr int kCorners = 800;
-constexpr int kMinAgreeing = 20;
-constexpr double kReprojection = 3.0;  // pixels
+constexpr int kMaxFeatures = 800;
+constexpr int kMinInliers = 20;
+constexpr double kMaxReprojectionError = 3.0;  // pixels
 constexpr int kRansacIterations = 200;
 
-cv::Mat grey(const std::vector<std::uint32_t>& colour, const Camera& camera) {
-  const cv::Mat rgba(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(colour.data()));
+cv::Mat gray(const std::vector<std::uint32_t>& color, const Camera& camera) {
+  const cv::Mat rgba(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(color.data()));
   cv::Mat out;
   cv::cvtColor(rgba, out, cv::COLOR_RGBA2GRAY);
   return out;
@@ -29,9 +29,9 @@ cv::Mat grey(const std::vector<std::uint32_t>& colour, const Camera& camera) {
 /// Synthetic image of a surface without color, lit from the upper left: edges and steps of the geometry, smoothed over
 /// the depth noise.
 cv::Mat shaded(const std::vector<float>& depth, const Camera& camera) {
-  constexpr int kReach = 4;          // pixels to each side for the slope
+  constexpr int kSlopeRange = 4;     // pixels to each side for the slope
   constexpr float kBlur = 3.0f;      // pixels
-  constexpr float kSteepest = 3.0f;  // m/m
+  constexpr float kMaxSlope = 3.0f;  // m/m
   const cv::Mat z(camera.height, camera.width, CV_32F, const_cast<float*>(depth.data()));
   cv::Mat known, smooth, share;
   cv::Mat(z > 0).convertTo(known, CV_32F, 1.0 / 255);
@@ -39,14 +39,14 @@ cv::Mat shaded(const std::vector<float>& depth, const Camera& camera) {
   cv::GaussianBlur(known, share, {}, kBlur);
   smooth /= cv::max(share, 1e-3f);
   cv::Mat out(camera.height, camera.width, CV_8U, cv::Scalar(0));
-  for (int y = kReach; y + kReach < camera.height; ++y)
-    for (int x = kReach; x + kReach < camera.width; ++x) {
+  for (int y = kSlopeRange; y + kSlopeRange < camera.height; ++y)
+    for (int x = kSlopeRange; x + kSlopeRange < camera.width; ++x) {
       const float at = smooth.at<float>(y, x);
       if (share.at<float>(y, x) < 0.5f) continue;
-      const float metres = 2 * kReach * at / static_cast<float>(camera.fx);
-      const auto slope = [&](float step) { return std::clamp(step / metres, -kSteepest, kSteepest); };
-      const float dx = slope(smooth.at<float>(y, x + kReach) - smooth.at<float>(y, x - kReach));
-      const float dy = slope(smooth.at<float>(y + kReach, x) - smooth.at<float>(y - kReach, x));
+      const float meters = 2 * kSlopeRange * at / static_cast<float>(camera.fx);
+      const auto slope = [&](float step) { return std::clamp(step / meters, -kMaxSlope, kMaxSlope); };
+      const float dx = slope(smooth.at<float>(y, x + kSlopeRange) - smooth.at<float>(y, x - kSlopeRange));
+      const float dy = slope(smooth.at<float>(y + kSlopeRange, x) - smooth.at<float>(y - kSlopeRange, x));
       const float light = (0.5f * dx + 0.7f * dy + 0.5f) / std::sqrt(dx * dx + dy * dy + 1);
       out.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(128 + 110 * light);
     }
@@ -58,28 +58,30 @@ struct Pnp {
   std::vector<int> inliers;
 };
 std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
-  if (matches.points.size() < kMinAgreeing) return std::nullopt;
+  if (matches.points.size() < kMinInliers) return std::nullopt;
   Pnp pnp;
   if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), pnp.rotation,
-                          pnp.translation, false, kRansacIterations, static_cast<float>(kReprojection / camera.fx),
-                          0.995, pnp.inliers, cv::SOLVEPNP_EPNP) ||
-      pnp.inliers.size() < kMinAgreeing)
+                          pnp.translation, false, kRansacIterations,
+                          static_cast<float>(kMaxReprojectionError / camera.fx), 0.995, pnp.inliers,
+                          cv::SOLVEPNP_EPNP) ||
+      pnp.inliers.size() < kMinInliers)
     return std::nullopt;
   return pnp;
 }
 
 }  // namespace
 
-Features extract_features(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
+Features extract_features(const std::vector<std::uint32_t>& color, const std::vector<float>& depth,
                           const Camera& camera) {
-  std::vector<cv::KeyPoint> corners;
+  std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
-  cv::ORB::create(kCorners)->detectAndCompute(colour.empty() ? shaded(depth, camera) : grey(colour, camera),
-                                              cv::noArray(), corners, descriptors);
+  cv::ORB::create(kMaxFeatures)
+      ->detectAndCompute(color.empty() ? shaded(depth, camera) : gray(color, camera), cv::noArray(), keypoints,
+                         descriptors);
   Features features;
-  if (corners.empty()) return features;
+  if (keypoints.empty()) return features;
   std::vector<cv::Point2d> pixels, rays;
-  for (const auto& corner : corners) pixels.emplace_back(corner.pt.x, corner.pt.y);
+  for (const auto& keypoint : keypoints) pixels.emplace_back(keypoint.pt.x, keypoint.pt.y);
   const cv::Matx33d k(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
   if (camera.lens == Lens::brown_conrady)
     cv::undistortPoints(pixels, rays, k, cv::Mat(1, 8, CV_64F, const_cast<double*>(camera.distortion.data())));
@@ -88,7 +90,7 @@ Features extract_features(const std::vector<std::uint32_t>& colour, const std::v
       const Eigen::Vector2d ray = camera.undistorted_ray(p.x, p.y);
       rays.emplace_back(ray.x(), ray.y());
     }
-  for (std::size_t i = 0; i < corners.size(); ++i) {
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const int x = std::clamp(static_cast<int>(std::lround(pixels[i].x)), 0, camera.width - 1);
     const int y = std::clamp(static_cast<int>(std::lround(pixels[i].y)), 0, camera.height - 1);
     const double z = depth[static_cast<std::size_t>(y * camera.width + x)];
@@ -123,7 +125,7 @@ std::vector<double> focal_costs(const Features& known, const Features& seen, con
   project(matches.points, pnp->rotation, pnp->translation);
   Matches near;
   for (std::size_t i = 0; i < projected.size(); ++i) {
-    if (!(cv::norm(projected[i] - matches.rays[i]) * camera.fx < 3 * kReprojection)) continue;
+    if (!(cv::norm(projected[i] - matches.rays[i]) * camera.fx < 3 * kMaxReprojectionError)) continue;
     near.points.push_back(matches.points[i]);
     near.rays.push_back(matches.rays[i]);
   }
@@ -139,7 +141,7 @@ std::vector<double> focal_costs(const Features& known, const Features& seen, con
     double squared = 0;
     for (std::size_t i = 0; i < projected.size(); ++i) {
       const double error = cv::norm(projected[i] - scaled.rays[i]) * camera.fx * scale;
-      squared += std::min(error * error, kReprojection * kReprojection);
+      squared += std::min(error * error, kMaxReprojectionError * kMaxReprojectionError);
     }
     costs.push_back(squared / static_cast<double>(projected.size()));
   }

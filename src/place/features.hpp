@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/camera.hpp"
+#include "cairn/mapping/camera.hpp"
 
 namespace cairn {
 
@@ -18,9 +18,9 @@ struct Features {
   std::vector<std::array<std::uint8_t, 32>> descriptors;  // ORB (Rublee et al. 2011)
 };
 
-/// Extracts oriented FAST corners with binary descriptors. `colour` (bytes R, G, B, 255) and `depth` (meters) are of
+/// Extracts oriented FAST corners with binary descriptors. `color` (bytes R, G, B, 255) and `depth` (meters) are of
 /// the camera's size. Without color, extracts corners from the shaded surface.
-[[nodiscard]] Features extract_features(const std::vector<std::uint32_t>& colour, const std::vector<float>& depth,
+[[nodiscard]] Features extract_features(const std::vector<std::uint32_t>& color, const std::vector<float>& depth,
                                         const Camera& camera);
 
 struct PnpPose {

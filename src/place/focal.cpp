@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kLeastMatches = 40, kLeastInliers = 8;
+constexpr std::size_t kMinMatches = 40, kMinInliers = 8;
 constexpr double kReprojection = 2.0;  // pixels
 constexpr int kRansacIterations = 100;
 
@@ -17,13 +17,13 @@ constexpr int kRansacIterations = 100;
 Matches near(const Matches& matches, const cv::Vec3d& rotation, const cv::Vec3d& translation, double error) {
   std::vector<cv::Point2d> projected;
   cv::projectPoints(matches.points, rotation, translation, cv::Matx33d::eye(), cv::noArray(), projected);
-  Matches close;
+  Matches inlier_matches;
   for (std::size_t i = 0; i < projected.size(); ++i) {
     if (!(cv::norm(projected[i] - matches.rays[i]) < error)) continue;
-    close.points.push_back(matches.points[i]);
-    close.rays.push_back(matches.rays[i]);
+    inlier_matches.points.push_back(matches.points[i]);
+    inlier_matches.rays.push_back(matches.rays[i]);
   }
-  return close;
+  return inlier_matches;
 }
 
 /// Estimates a pose from a few matches, then from all inliers (as Chum, Matas & Kittler 2003 in a RANSAC loop): depth
@@ -37,10 +37,11 @@ int inliers_of(Matches matches, double focal, double scale) {
   if (!cv::solvePnPRansac(matches.points, matches.rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation, false,
                           kRansacIterations, static_cast<float>(2 * error), 0.99, inliers, cv::SOLVEPNP_EPNP))
     return 0;
-  for (const double reach : {3.0, 1.5}) {
-    const Matches close = near(matches, rotation, translation, reach * error);
-    if (close.points.size() < kLeastInliers ||
-        !cv::solvePnP(close.points, close.rays, cv::Matx33d::eye(), cv::noArray(), rotation, translation, true))
+  for (const double factor : {3.0, 1.5}) {
+    const Matches inlier_matches = near(matches, rotation, translation, factor * error);
+    if (inlier_matches.points.size() < kMinInliers ||
+        !cv::solvePnP(inlier_matches.points, inlier_matches.rays, cv::Matx33d::eye(), cv::noArray(), rotation,
+                      translation, true))
       return 0;
   }
   return static_cast<int>(near(matches, rotation, translation, error).points.size());
@@ -48,12 +49,12 @@ int inliers_of(Matches matches, double focal, double scale) {
 
 }  // namespace
 
-std::optional<std::array<int, kFarFocalScales.size()>> focal_inliers(const Features& known, const Features& seen,
-                                                                     const Camera& camera) {
+std::optional<std::array<int, kWideFocalScales.size()>> focal_inliers(const Features& known, const Features& seen,
+                                                                      const Camera& camera) {
   const Matches matches = match(known, seen);
-  if (matches.points.size() < kLeastMatches) return std::nullopt;
-  std::array<int, kFarFocalScales.size()> inliers{};
-  for (std::size_t i = 0; i < inliers.size(); ++i) inliers[i] = inliers_of(matches, camera.fx, kFarFocalScales[i]);
+  if (matches.points.size() < kMinMatches) return std::nullopt;
+  std::array<int, kWideFocalScales.size()> inliers{};
+  for (std::size_t i = 0; i < inliers.size(); ++i) inliers[i] = inliers_of(matches, camera.fx, kWideFocalScales[i]);
   return inliers;
 }
 

@@ -20,13 +20,13 @@ namespace {
 constexpr int kEntryBits = 14;
 constexpr int kLowBits = 32 - kEntryBits;
 constexpr int kHighBits = InvertedIndex::kKeyBits - kLowBits;
-constexpr std::size_t kLongest = std::size_t{1} << kEntryBits;  // entries in a run
-constexpr std::size_t kInMemory = 256;                          // entries: shorter runs stay in memory, 7 MB together
-constexpr std::size_t kLonger = 3;                              // min. ratio of a run's length to the next run's
-constexpr std::size_t kMostRuns = 32;                           // with more runs, add() waits for the merge
-constexpr std::size_t kPostingsOfACell = 8;                     // maximum, on average
-constexpr std::size_t kCommon = 256;                            // entries: more frequent keys are ignored
-constexpr std::size_t kAtOnce = 256;                            // keys per lookup
+constexpr std::size_t kMaxRunEntries = std::size_t{1} << kEntryBits;  // entries in a run
+constexpr std::size_t kMaxMemoryEntries = 256;  // entries: shorter runs stay in memory, 7 MB together
+constexpr std::size_t kMinLengthRatio = 3;      // min. ratio of a run's length to the next run's
+constexpr std::size_t kMaxRuns = 32;            // with more runs, add() waits for the merge
+constexpr std::size_t kMaxPostingsPerCell = 8;  // maximum, on average
+constexpr std::size_t kMaxEntriesPerKey = 256;  // entries: more frequent keys are ignored
+constexpr std::size_t kKeysPerLookup = 256;     // keys per lookup
 
 using Words = std::span<const std::uint32_t>;
 
@@ -34,16 +34,16 @@ constexpr std::uint32_t posting(std::uint32_t key, std::size_t entry) {
   return key << kEntryBits | static_cast<std::uint32_t>(entry);
 }
 
-constexpr std::size_t entry_of(std::uint32_t posting) { return posting & (kLongest - 1); }
+constexpr std::size_t entry_of(std::uint32_t posting) { return posting & (kMaxRunEntries - 1); }
 
-/// Postings of a key in its cell; not all if there are more than kCommon.
+/// Postings of a key in its cell; not all if there are more than kMaxEntriesPerKey.
 Words postings_of(std::uint32_t key, Words cell) {
   const std::uint32_t low = posting(key, 0) >> kEntryBits;
   const auto is_key = [&](std::size_t i) { return i < cell.size() && cell[i] >> kEntryBits == low; };
   std::size_t from = 0;
   while (from < cell.size() && cell[from] >> kEntryBits < low) ++from;
-  std::size_t to = is_key(from + kCommon) ? from + kCommon + 1 : from;
-  while (to <= from + kCommon && is_key(to)) ++to;
+  std::size_t to = is_key(from + kMaxEntriesPerKey) ? from + kMaxEntriesPerKey + 1 : from;
+  while (to <= from + kMaxEntriesPerKey && is_key(to)) ++to;
   return cell.subspan(from, to - from);
 }
 
@@ -82,10 +82,10 @@ struct InvertedIndex::Run {
   Run(const Run& a, const Run& b, const std::optional<std::filesystem::path>& folder);
 
   [[nodiscard]] std::size_t end() const { return first + count; }
-  /// Postings of some keys; incomplete for a key with more than kCommon entries. Prefetches the cells, so that memory
-  /// latencies overlap.
+  /// Postings of some keys; incomplete for a key with more than kMaxEntriesPerKey entries. Prefetches the cells, so
+  /// that memory latencies overlap.
   void find(Words keys, std::vector<Words>& found) const {
-    std::array<Words, kAtOnce> cells;
+    std::array<Words, kKeysPerLookup> cells;
     for (std::size_t k = 0; k < keys.size(); ++k) {
       const std::uint32_t cell = keys[k] >> (kKeyBits - cell_bits);
       cells[k] = postings.subspan(begins[cell], begins[cell + 1] - begins[cell]);
@@ -107,7 +107,7 @@ struct InvertedIndex::Run {
 
  private:
   void choose_cells(std::size_t size) {
-    cell_bits = std::clamp(static_cast<int>(std::bit_width(size / kPostingsOfACell)), kHighBits, kKeyBits);
+    cell_bits = std::clamp(static_cast<int>(std::bit_width(size / kMaxPostingsPerCell)), kHighBits, kKeyBits);
   }
   /// Counts the next postings in their cells.
   void count_cells(std::size_t high, Words next, std::vector<std::uint32_t>& ends) const {
@@ -157,19 +157,19 @@ InvertedIndex::InvertedIndex(InvertedIndex&&) noexcept = default;
 InvertedIndex& InvertedIndex::operator=(InvertedIndex&&) noexcept = default;
 
 /// True if two consecutive runs are to be merged.
-bool InvertedIndex::belong_together(std::size_t i) const {
+bool InvertedIndex::should_merge(std::size_t i) const {
   const std::size_t a = runs_[i]->count, b = runs_[i + 1]->count;
-  return a < kLonger * b && a + b <= kLongest;
+  return a < kMinLengthRatio * b && a + b <= kMaxRunEntries;
 }
 
 void InvertedIndex::add(Words keys) {
-  if (runs_.size() > kMostRuns && merging_.valid()) merging_.wait();
+  if (runs_.size() > kMaxRuns && merging_.valid()) merging_.wait();
   take_merged();
   runs_.push_back(std::make_shared<const Run>(size_++, keys));
   const std::size_t free = merging_.valid() ? merged_at_ + 2 : 0;
   while (runs_.size() >= free + 2) {
     const std::size_t i = runs_.size() - 2;
-    if (!belong_together(i) || runs_[i]->count + runs_[i + 1]->count >= kInMemory) break;
+    if (!should_merge(i) || runs_[i]->count + runs_[i + 1]->count >= kMaxMemoryEntries) break;
     runs_[i] = std::make_shared<const Run>(*runs_[i], *runs_[i + 1], std::nullopt);
     runs_.pop_back();
   }
@@ -179,7 +179,7 @@ void InvertedIndex::add(Words keys) {
 /// Starts to merge the first two runs that form a long run.
 void InvertedIndex::merge_in_files() {
   for (std::size_t i = 0; i + 1 < runs_.size(); ++i) {
-    if (!belong_together(i) || runs_[i]->count + runs_[i + 1]->count < kInMemory) continue;
+    if (!should_merge(i) || runs_[i]->count + runs_[i + 1]->count < kMaxMemoryEntries) continue;
     merged_at_ = i;
     merging_ = std::async(std::launch::async, [a = runs_[i], b = runs_[i + 1], folder = folder_] {
       try {
@@ -201,14 +201,14 @@ void InvertedIndex::take_merged() {
 std::vector<float> InvertedIndex::rarity_in_common(Words keys) const {
   std::vector<float> sums(size_, 0.0f);
   std::vector<Words> found;  // by run, then by key
-  for (; !keys.empty(); keys = keys.subspan(std::min(kAtOnce, keys.size()))) {
-    const Words some = keys.first(std::min(kAtOnce, keys.size()));
+  for (; !keys.empty(); keys = keys.subspan(std::min(kKeysPerLookup, keys.size()))) {
+    const Words some = keys.first(std::min(kKeysPerLookup, keys.size()));
     found.clear();
     for (const auto& run : runs_) run->find(some, found);
     for (std::size_t k = 0; k < some.size(); ++k) {
       std::size_t total = 0;
       for (std::size_t r = 0; r < runs_.size(); ++r) total += found[r * some.size() + k].size();
-      if (total > kCommon) continue;
+      if (total > kMaxEntriesPerKey) continue;
       const float rarity = 1.0f / static_cast<float>(total);
       for (std::size_t r = 0; r < runs_.size(); ++r)
         for (const std::uint32_t p : found[r * some.size() + k]) sums[runs_[r]->first + entry_of(p)] += rarity;

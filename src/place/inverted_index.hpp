@@ -41,7 +41,7 @@ class InvertedIndex {
  private:
   struct Run;
   using Runs = std::vector<std::shared_ptr<const Run>>;
-  [[nodiscard]] bool belong_together(std::size_t i) const;
+  [[nodiscard]] bool should_merge(std::size_t i) const;
   void merge_in_files();
   void take_merged();
   std::filesystem::path folder_;

@@ -21,8 +21,8 @@ using Descriptor = std::array<std::uint8_t, 32>;
 
 /// Substring index and bits, mixed for uniformly distributed first bits; an odd factor keeps the keys distinct.
 std::uint32_t key(std::uint32_t table, const Descriptor& descriptor) {
-  const std::uint8_t* const piece = &descriptor[4 * std::size_t{table}];
-  const std::uint32_t bits = std::uint32_t{piece[0]} | std::uint32_t{piece[1]} << 8 | std::uint32_t{piece[2]} << 16;
+  const std::uint8_t* const bytes = &descriptor[4 * std::size_t{table}];
+  const std::uint32_t bits = std::uint32_t{bytes[0]} | std::uint32_t{bytes[1]} << 8 | std::uint32_t{bytes[2]} << 16;
   return (table << kBits | bits) * 0x9e3779b1u % kKeys;
 }
 
@@ -48,7 +48,7 @@ void KeyframeDatabase::add(const std::optional<Eigen::Isometry3d>& tracked_from_
 
 void KeyframeDatabase::index(const Features& features) {
   index_.add(keys_of(features));
-  corners_.push_back(std::sqrt(static_cast<float>(std::max<std::size_t>(1, features.rays.size()))));
+  feature_norms_.push_back(std::sqrt(static_cast<float>(std::max<std::size_t>(1, features.rays.size()))));
 }
 
 std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::query(const Features& features, std::size_t count,
@@ -62,18 +62,18 @@ std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::query_tracked(const F
 }
 
 std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::most_similar(
-    const Features& features, std::size_t count, const std::function<bool(std::size_t)>& takes_part) const {
+    const Features& features, std::size_t count, const std::function<bool(std::size_t)>& is_candidate) const {
   const std::vector<float> scores = index_.rarity_in_common(keys_of(features));
-  std::vector<Candidate> alike;
+  std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < scores.size(); ++i)
-    if (scores[i] > 0 && takes_part(i)) alike.push_back({i, scores[i] / corners_[i]});
-  count = std::min(count, alike.size());
-  std::partial_sort(alike.begin(), alike.begin() + static_cast<std::ptrdiff_t>(count), alike.end(),
+    if (scores[i] > 0 && is_candidate(i)) candidates.push_back({i, scores[i] / feature_norms_[i]});
+  count = std::min(count, candidates.size());
+  std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(count), candidates.end(),
                     [](const Candidate& a, const Candidate& b) {
                       return a.score != b.score ? a.score > b.score : a.entry < b.entry;
                     });
-  alike.resize(count);
-  return alike;
+  candidates.resize(count);
+  return candidates;
 }
 
 }  // namespace cairn

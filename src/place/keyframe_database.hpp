@@ -35,7 +35,7 @@ class KeyframeDatabase {
   void add(const std::optional<Eigen::Isometry3d>& tracked_from_camera) { entries_.push_back({tracked_from_camera}); }
   void index(const Features& features);
   /// Number of keyframes available to queries.
-  [[nodiscard]] std::size_t indexed() const { return corners_.size(); }
+  [[nodiscard]] std::size_t indexed() const { return feature_norms_.size(); }
   [[nodiscard]] std::size_t size() const { return entries_.size(); }
   [[nodiscard]] const DatabaseEntry& operator[](std::size_t i) const { return entries_[i]; }
   [[nodiscard]] DatabaseEntry& operator[](std::size_t i) { return entries_[i]; }
@@ -53,9 +53,9 @@ class KeyframeDatabase {
 
  private:
   [[nodiscard]] std::vector<Candidate> most_similar(const Features& features, std::size_t count,
-                                                    const std::function<bool(std::size_t)>& takes_part) const;
+                                                    const std::function<bool(std::size_t)>& is_candidate) const;
   std::vector<DatabaseEntry> entries_;
-  std::vector<float> corners_;  // square root of the number of features, by entry
+  std::vector<float> feature_norms_;  // square root of the number of features, by entry
   InvertedIndex index_;
 };
 

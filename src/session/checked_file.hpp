@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "cairn/session.hpp"
+#include "cairn/mapping/session.hpp"
 
 namespace cairn {
 

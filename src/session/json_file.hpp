@@ -17,7 +17,7 @@ namespace cairn {
 
 /// "kind" and "format" of a file, the message for a file of another kind, and the command to write the file again.
 struct JsonKind {
-  const char *kind, *otherwise, *again;
+  const char *kind, *mismatch, *remedy;
   int format = 1;
 };
 
@@ -28,14 +28,14 @@ auto read_json_file(const std::filesystem::path& file, const JsonKind& expected,
   try {
     const auto bytes = read_whole(file);
     const auto json = parsed_json(bytes);
-    if (json.at("kind") != expected.kind) throw std::runtime_error(expected.otherwise);
+    if (json.at("kind") != expected.kind) throw std::runtime_error(expected.mismatch);
     if (json.at("format") != expected.format) throw std::runtime_error("was written by another version of Cairn");
     return take(json);
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(
-        fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), expected.again));
+        fmt::format("{}: is damaged ({}); {}", file.string(), plain(error.what()), expected.remedy));
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(fmt::format("{}: {}; {}", file.string(), error.what(), expected.again));
+    throw std::runtime_error(fmt::format("{}: {}; {}", file.string(), error.what(), expected.remedy));
   }
 }
 

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "map/map_state.hpp"
+#include "mapper/map_state.hpp"
 
 namespace cairn {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/session.hpp"
+#include "cairn/mapping/session.hpp"
 
 #include <fmt/format.h>
 #include <malloc.h>
@@ -11,10 +11,10 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/path_kind.hpp"
+#include "base/path_kind.hpp"
 #include "export/map_contents.hpp"
-#include "map/map_state.hpp"
-#include "session/joined_session.hpp"
+#include "mapper/access.hpp"
+#include "mapper/map_state.hpp"
 #include "session/open_session.hpp"
 #include "session/session_files.hpp"
 
@@ -29,12 +29,12 @@ SessionState snapshot(MapState& s, std::uint64_t number, const std::string& note
           .fuse = s.options.fuse,
           .min_depth = s.options.surface.min_depth,
           .max_depth = s.options.surface.max_depth,
-          .back_end = s.back_end.memory(),
+          .back_end = s.back_end.save(),
           .tracker = s.tracker.save(),
-          .residency = s.volume.residency(),
+          .residency = s.volume.save(),
           .fused_count = s.fused_count,
-          .last_image = s.last_image,
-          .repeats = s.repeats,
+          .last_depth_hash = s.repeats.last_depth_hash,
+          .repeated_images = s.repeats.count,
           .last_fused = s.last_fused,
           .number = number,
           .note = note};
@@ -49,10 +49,9 @@ std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int
   s.tracker.restore(session.tracker);
   s.volume.restore(std::move(read.active), session.residency);
   s.fused_count = session.fused_count;
-  s.last_image = session.last_image;
-  s.repeats = session.repeats;
+  s.repeats = {.last_depth_hash = session.last_depth_hash, .count = session.repeated_images};
   s.last_fused = session.last_fused;
-  if (options.up) s.back_end.ask_up(*options.up);
+  if (options.up) s.back_end.set_up_axis(*options.up);
   return state;
 }
 
@@ -69,7 +68,7 @@ class Session::State {
   State(fs::path folder, std::shared_ptr<SessionWriter> writer, std::optional<ReadSession> read)
       : folder_(std::move(folder)), writer_(std::move(writer)), read_(std::move(read)) {}
   /// Resumes the existing session.
-  State(fs::path folder, bool keep_start) : folder_(std::move(folder)) { go_on(keep_start); }
+  State(fs::path folder, bool keep_start) : folder_(std::move(folder)) { resume_run(keep_start); }
   ~State() {
     if (writing_.valid()) writing_.wait();
   }
@@ -80,21 +79,24 @@ class Session::State {
     if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
     MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_, .parts = {}};
     if (read_) files.parts = read_->parts;
-    if (!read_) return Mapper(std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
+    if (!read_)
+      return MapperAccess::mapper_of(
+          std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
     const SessionState& session = read_->session;
-    const bool is_same = rig.depth_correction.empty() ? session.rig.has_same_cameras(rig) : session.rig == rig;
-    if (!is_same) throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
+    const bool has_same_rig = rig.depth_correction.empty() ? session.rig.has_same_cameras(rig) : session.rig == rig;
+    if (!has_same_rig)
+      throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
     if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
       throw std::runtime_error(fmt::format("{}: has voxels of {} m, not of {} m (FuseOptions::voxel_size)",
                                            folder_.string(), session.fuse.voxel_size, options.fuse.voxel_size));
     checkpoints_ = session.number;
-    Mapper mapper(restore(*read_, options, device, std::move(files)));
+    Mapper mapper = MapperAccess::mapper_of(restore(*read_, options, device, std::move(files)));
     read_.reset();
     return mapper;
   }
 
   Mapper mapper(int device) {
-    if (!read_) throw std::runtime_error(folder_.string() + ": is new: a mapper for it needs a camera");
+    if (!read_) throw std::runtime_error(folder_.string() + ": is a new session: pass a camera to mapper()");
     return mapper(Rig(read_->session.rig), options_of(read_->session), device);
   }
 
@@ -121,11 +123,11 @@ class Session::State {
 
   void return_to_start() {
     (void)problem();
-    if (!start_) throw std::runtime_error(folder_.string() + ": how it was when this run began is not kept");
+    if (!start_) throw std::runtime_error(folder_.string() + ": the state at the start of this run is not kept");
     problem_.reset();
     restore_state(folder_, start_->state);
     read_.reset(), writer_.reset();  // the next writer removes the files of this run
-    go_on(true);
+    resume_run(true);
   }
 
   void release_start() { start_.reset(); }
@@ -143,7 +145,7 @@ class Session::State {
     FileLock hold;
   };
 
-  void go_on(bool keep_start) {
+  void resume_run(bool keep_start) {
     read_.emplace(read_session(folder_));
     writer_ = std::make_shared<SessionWriter>(folder_, *read_, keep_start);
     if (!keep_start) return;
@@ -188,7 +190,9 @@ Mapper Session::mapper(const Rig& rig, const Options& options, int device) {
 
 Mapper Session::mapper(int device) { return state_->mapper(device); }
 
-void Session::checkpoint(const Mapper& mapper, const std::string& note) { state_->checkpoint(*mapper.state(), note); }
+void Session::checkpoint(const Mapper& mapper, const std::string& note) {
+  state_->checkpoint(*MapperAccess::state(mapper), note);
+}
 
 void Session::return_to_start() { state_->return_to_start(); }
 
@@ -200,57 +204,6 @@ Session::Info Session::info(const fs::path& folder) {
   const SessionState session = read_session(folder).session;
   return {session.rig,       session.fuse.voxel_size, session.fuse.truncation,
           session.min_depth, session.max_depth,       session.note};
-}
-
-Session::Merged Session::merge(Mapper& mapper, const fs::path& other_session, int device) {
-  MapState& s = *mapper.state();
-  const auto other = open_session(other_session, device);
-  MapState& o = *other;
-  if (s.files.folder.empty())
-    throw std::runtime_error(other_session.string() + ": cannot be merged into a map without a session of its own");
-  if (fs::equivalent(s.files.folder, o.files.folder))
-    throw std::runtime_error(other_session.string() + ": a map cannot be merged with itself");
-  if (!s.rig.has_same_cameras(o.rig))
-    throw std::runtime_error(other_session.string() + ": cannot be merged: it was made with another camera");
-  if (s.options.fuse.voxel_size != o.options.fuse.voxel_size || s.options.fuse.truncation != o.options.fuse.truncation)
-    throw std::runtime_error(other_session.string() +
-                             ": cannot be merged: it has voxels of another size or another truncation");
-  s.end_everything();
-  o.end_everything();
-  Merged merged{.compared = static_cast<int>(o.back_end.atlas().keyframes.size())};
-  std::tie(merged.loops, merged.joined) = s.back_end.append(o.back_end);
-  s.fused_count += o.fused_count;
-  return merged;
-}
-
-std::vector<Session::Merged> Session::join(const std::vector<fs::path>& maps, const fs::path& to, bool allow_apart,
-                                           int device) {
-  SessionWriter writer(to);
-  JoinedSession joined(writer);
-  for (std::size_t i = 0; i < maps.size(); ++i) joined.add(maps[i], i);
-  std::vector<Merged> merged(maps.size());
-  for (std::size_t a = 0; a < maps.size(); ++a) {
-    const auto first = open_session(maps[a], device);  // place index is built once
-    for (std::size_t b = a + 1; b < maps.size(); ++b) {
-      const auto second = open_session(maps[b], device);
-      merged[b].compared = static_cast<int>(second->back_end.atlas().keyframes.size());
-      auto loops = first->back_end.match(second->back_end);
-      merged[b].loops += static_cast<int>(loops.size());
-      joined.add_loops(a, b, std::move(loops));
-    }
-  }
-  (void)joined.join(0, device);
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    merged[i].joined = joined.is_joined(i);
-    if (merged[i].joined || allow_apart) continue;
-    const std::size_t named = std::max<std::size_t>(i, 1);  // the first map is compared with none
-    throw std::runtime_error(fmt::format(
-        "{}: {} of {} keyframes see a place of the others, too few that agree to join it; record a way from "
-        "one to the other, or allow it to stay apart",
-        maps[named].string(), merged[named].loops, merged[named].compared));
-  }
-  joined.write(true);
-  return merged;
 }
 
 struct ReplacedSession::State {
@@ -269,7 +222,7 @@ Map Map::open(const fs::path& folder, int device) {
   if (fs::exists(folder / "state.cbor")) return map_of(open_session(folder, device));
   const PathKind kind = kind_of_path(folder);
   if (fs::is_directory(folder) ? !fs::exists(folder / "map.vdb") : kind.kind == PathKind::Kind::mesh)
-    throw std::runtime_error(kind.is_no(folder, "map with voxels"));
+    throw std::runtime_error(kind.mismatch(folder, "map with voxels"));
   return map_of_grids(fs::is_directory(folder) ? folder / "map.vdb" : folder, device);
 }
 

@@ -17,15 +17,16 @@
 #include <string_view>
 #include <utility>
 
+#include "base/atomic_file.hpp"
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "base/system_file.hpp"
-#include "cairn/atomic_file.hpp"
 #include "map/keyframe_files.hpp"
 #include "session/checked_file.hpp"
 #include "session/state.hpp"
 #include "session/validate.hpp"
+#include "volume/vdb/brick_file.hpp"
 
 namespace cairn {
 namespace {
@@ -36,7 +37,7 @@ constexpr const char* kStateKind = "cairn session";
 constexpr const char *kFrames = "frames", *kLoops = "loops";
 constexpr const char* kState = "state.cbor";
 constexpr const char* kKeyframes = "keyframes";
-constexpr const char* kAgain = "begin a new session";
+constexpr const char* kRemedy = "begin a new session";
 
 fs::path active_file(const fs::path& files, std::uint64_t number) {
   return files / fmt::format("active-{:06}.vdb", number);
@@ -56,15 +57,14 @@ CheckedBytes read_state(const fs::path& session) {
   const fs::path file = session / kState;
   if (const fs::path home = session.parent_path(); !fs::exists(file) && fs::exists(home / "plan.json"))
     throw std::runtime_error(
-        fmt::format("{0}: is a plan whose maps are not put together yet; cairn info {0} reports "
-                    "the next command, and cairn optimise {0} puts them together",
+        fmt::format("{0}: is a plan whose maps are not merged yet; cairn info {0} reports "
+                    "the next command, and cairn optimize {0} merges them",
                     home.string()));
-  if (!fs::exists(file))
-    throw std::runtime_error(file.string() + ": there is no session to go on with; begin a new session");
+  if (!fs::exists(file)) throw std::runtime_error(file.string() + ": no session to resume; begin a new session");
   try {
     return read_checked(file, kStateKind);
   } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{}; {}", error.what(), kAgain));
+    throw std::runtime_error(fmt::format("{}; {}", error.what(), kRemedy));
   }
 }
 
@@ -78,7 +78,7 @@ void sync_disk(const fs::path& folder) {
 }
 
 /// True if the session has a state with this checksum.
-bool names(const fs::path& session, std::uint32_t checksum) {
+bool has_state(const fs::path& session, std::uint32_t checksum) {
   try {
     return read_state(session).checksum == checksum;
   } catch (const std::exception&) {
@@ -89,7 +89,7 @@ bool names(const fs::path& session, std::uint32_t checksum) {
 /// Includes the newest keyframes, loops and frames; chunk files are still to be read.
 StateFile parse_state(const CheckedBytes& read) {
   StateFile state = state_of(parsed_cbor(read.bytes), read.format);
-  if (!run_number(state.files.run)) throw std::runtime_error("it names no run");
+  if (!run_number(state.files.run)) throw std::runtime_error("has no run folder");
   const auto check = [](const std::vector<std::string>& names, const char* what) {
     for (const std::string& name : names)
       if (!is_chunk(name, what)) throw std::runtime_error(fmt::format("{} are missing", what));
@@ -149,74 +149,74 @@ std::vector<PartFiles> find_parts(const fs::path& session, std::vector<PartFiles
   for (PartFiles& part : parts) {
     part.folder = (session / part.folder).lexically_normal();
     if (!fs::is_directory(part.folder))
-      throw std::runtime_error(part.folder.string() + ": is missing, a part of the map in " + session.string() +
-                               " was made anew or taken away: make the map of all parts again");
+      throw std::runtime_error(part.folder.string() + ": is missing: a part of the map in " + session.string() +
+                               " was rebuilt or removed: run cairn optimize again");
     hold.push_back(*FileLock::take(part.folder, FileLock::Kind::shared, true));
   }
   return parts;
 }
 
 [[noreturn]] void throw_damaged(const std::string& what) {
-  throw std::runtime_error(what + "; the session is damaged: " + kAgain);
+  throw std::runtime_error(what + "; the session is damaged: " + kRemedy);
 }
 
 /// Contents of a state without voxels, and with only the newest frames. The function below throws with the defect of
 /// the state or its files, and with the remedy.
-struct Known {
+struct StateContents {
   StateFile state;
   fs::path files;
   FileLock hold;
   std::vector<ChunkFile> keyframe_files, loop_files;
 };
-Known read_known(const fs::path& session, const CheckedBytes& bytes) {
+StateContents read_contents(const fs::path& session, const CheckedBytes& bytes) {
   const auto checked = [&](const auto& read) {
     try {
       return read();
     } catch (const std::exception& error) {
       throw std::runtime_error(
-          fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kAgain));
+          fmt::format("{}: is damaged ({}); {}", (session / kState).string(), plain(error.what()), kRemedy));
     }
   };
   StateFile state = checked([&] { return parse_state(bytes); });
   const fs::path files = session / state.files.run;
   if (!fs::is_directory(files)) throw_damaged(files.string() + ": is missing");
-  Known known{.state = std::move(state),
-              .files = files,
-              .hold = *FileLock::take(files, FileLock::Kind::shared, true),
-              .keyframe_files = {},
-              .loop_files = {}};
-  const NamedFiles& named = known.state.files;
-  Atlas& atlas = known.state.session.back_end.atlas;
+  StateContents contents{.state = std::move(state),
+                         .files = files,
+                         .hold = *FileLock::take(files, FileLock::Kind::shared, true),
+                         .keyframe_files = {},
+                         .loop_files = {}};
+  const NamedFiles& named = contents.state.files;
+  Atlas& atlas = contents.state.session.back_end.atlas;
   try {
-    known.keyframe_files = read_chunks(files, named.keyframe_files, kKeyframes, atlas.keyframes, keyframes_of);
-    known.loop_files = read_chunks(files, named.loop_files, kLoops, atlas.loops, loops_of);
+    contents.keyframe_files = read_chunks(files, named.keyframe_files, kKeyframes, atlas.keyframes, keyframes_of);
+    contents.loop_files = read_chunks(files, named.loop_files, kLoops, atlas.loops, loops_of);
   } catch (const std::exception& error) {
     throw_damaged(error.what());
   }
   checked([&] {
-    validate(known.state.session, FusedFrames::kChunk * named.frame_files.size() + atlas.frames.size());
-    validate(named, known.state.session.back_end);
+    validate(contents.state.session, FusedFrames::kChunk * named.frame_files.size() + atlas.frames.size());
+    validate(named, contents.state.session.back_end);
   });
-  return known;
+  return contents;
 }
 
 /// Reads all contents of a state.
 ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
-  Known known = read_known(session, bytes);
-  SessionState& s = known.state.session;
-  NamedFiles& named = known.state.files;
+  StateContents contents = read_contents(session, bytes);
+  SessionState& s = contents.state.session;
+  NamedFiles& named = contents.state.files;
   std::vector<FileLock> hold_parts;
   std::vector<PartFiles> parts = find_parts(session, std::move(named.parts), hold_parts);
   try {
-    BrickTree active = BrickFile(active_file(known.files, s.number)).read();
-    s.back_end.atlas.frames = read_frames(known.files, named.frame_files, s.back_end.atlas);
+    BrickTree active = BrickFile(active_file(contents.files, s.number)).read();
+    s.back_end.atlas.frames = read_frames(contents.files, named.frame_files, s.back_end.atlas);
     return {.session = std::move(s),
             .active = std::move(active),
-            .files = known.files,
+            .files = contents.files,
             .checksum = bytes.checksum,
-            .hold = std::move(known.hold),
-            .keyframe_files = std::move(known.keyframe_files),
-            .loop_files = std::move(known.loop_files),
+            .hold = std::move(contents.hold),
+            .keyframe_files = std::move(contents.keyframe_files),
+            .loop_files = std::move(contents.loop_files),
             .frame_files = std::move(named.frame_files),
             .parts = std::move(parts),
             .hold_parts = std::move(hold_parts)};
@@ -281,7 +281,7 @@ void remove_runs(const fs::path& session) {
 
 }  // namespace
 
-void check_alike(const MadeWith& first, const MadeWith& second, const char* joined) {
+void check_alike(const MapSettings& first, const MapSettings& second, const char* joined) {
   if (!first.rig.has_same_cameras(second.rig))
     throw std::runtime_error(fmt::format("{}: was made with another camera than {}; such maps cannot be {}",
                                          second.map.string(), first.map.string(), joined));
@@ -311,15 +311,15 @@ ReadSession read_session(const fs::path& session) {
 }
 
 SessionPictures read_pictures(const fs::path& session) {
-  Known known = read_known(session, read_state(session));
-  StateFile& state = known.state;
+  StateContents contents = read_contents(session, read_state(session));
+  StateFile& state = contents.state;
   SessionPictures pictures{.timestamps = {},
                            .sensor = state.session.rig.sensor,
                            .keyframes = {},
-                           .hold = std::move(known.hold),
+                           .hold = std::move(contents.hold),
                            .hold_parts = {}};
   const auto parts = find_parts(session, std::move(state.files.parts), pictures.hold_parts);
-  pictures.keyframes = keyframe_files(known.files, parts);
+  pictures.keyframes = keyframe_files(contents.files, parts);
   for (const Keyframe& keyframe : state.session.back_end.atlas.keyframes)
     pictures.timestamps.push_back(keyframe.timestamp);
   return pictures;
@@ -344,17 +344,17 @@ fs::path SessionWriter::make_run() const {
                            "; choose another with -o");
 }
 
-SessionWriter::SessionWriter(fs::path session, const ReadSession& read, bool beside)
+SessionWriter::SessionWriter(fs::path session, const ReadSession& read, bool in_new_run)
     : session_(std::move(session)),
       lock_(session_),
-      files_(beside ? make_run() : read.files),
-      is_named_(!beside),
+      files_(in_new_run ? make_run() : read.files),
+      is_referenced_(!in_new_run),
       keyframe_files_(read.keyframe_files),
       loop_files_(read.loop_files),
       parts_(read.parts) {
   if (read_state(session_).checksum != read.checksum)
     throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
-  if (beside) {
+  if (in_new_run) {
     link_files(read.files, files_);
     link_files(keyframe_files(read.files).folder(), keyframe_files(files_).folder());
   }
@@ -368,17 +368,17 @@ SessionWriter::SessionWriter(fs::path session, const ReadSession& read, bool bes
 
 SessionWriter::~SessionWriter() {
   std::error_code ignored;
-  if (!is_named_) fs::remove_all(files_, ignored);
+  if (!is_referenced_) fs::remove_all(files_, ignored);
 }
 
 void SessionWriter::copy_files(const SessionState& session, const NumberedFiles& submaps,
                                const NumberedFiles& keyframes) const {
-  const BackEnd::Memory& memory = session.back_end;
+  const BackEnd::State& back_end = session.back_end;
   const KeyframeStore theirs(session.rig, keyframes, Access::read), ours(session.rig, keyframe_files(files_));
-  for (std::size_t k = 0; k < memory.atlas.keyframes.size(); ++k)
+  for (std::size_t k = 0; k < back_end.atlas.keyframes.size(); ++k)
     if (!keyframes[k].folder.empty()) ours.copy(k, theirs, k);
-  for (std::size_t i = 0; i < memory.submaps.size(); ++i) {
-    if (!memory.submaps[i] || submaps[i].folder.empty()) continue;
+  for (std::size_t i = 0; i < back_end.submaps.size(); ++i) {
+    if (!back_end.submaps[i] || submaps[i].folder.empty()) continue;
     const fs::path file = submap_file(submaps, i);
     try {
       write_whole(submap_file(submap_files(files_), i), read_whole(file, kAnySize), Durable::some_time);
@@ -440,11 +440,11 @@ void SessionWriter::write(const SessionState& s, const BrickList& active) {
     write_whole(session_ / kState, state.bytes);
   } catch (const std::exception&) {
     // The state may exist all the same, but perhaps not after a power failure.
-    is_named_ = is_named_ || names(session_, state.checksum);
+    is_referenced_ = is_referenced_ || has_state(session_, state.checksum);
     throw;
   }
   // From here on the new state is valid, also after a power failure.
-  is_named_ = true;
+  is_referenced_ = true;
   written_ = std::move(frames), keyframe_files_ = std::move(keyframes), loop_files_ = std::move(loops);
   remove_others(s.number, named);
 }
@@ -475,7 +475,7 @@ std::vector<std::uint8_t> bytes_of_state(const fs::path& session) {
   try {
     return read_whole(session / kState);
   } catch (const std::runtime_error& error) {
-    throw std::runtime_error(fmt::format("{}: {}; {}", (session / kState).string(), error.what(), kAgain));
+    throw std::runtime_error(fmt::format("{}: {}; {}", (session / kState).string(), error.what(), kRemedy));
   }
 }
 

@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include "map/back_end.hpp"
-#include "map/tracker.hpp"
+#include "mapper/back_end.hpp"
+#include "mapper/tracker.hpp"
 #include "session/session_lock.hpp"
 
 namespace cairn {
@@ -24,12 +24,12 @@ struct SessionState {
   Rig rig;
   FuseOptions fuse;
   float min_depth = 0, max_depth = 0;  // meters, see SurfaceOptions
-  BackEnd::Memory back_end;
-  Tracker::Saved tracker;
-  Volume::Residency residency;
+  BackEnd::State back_end;
+  Tracker::SavedState tracker;
+  Volume::SavedState residency;
   std::uint32_t fused_count = 0;
-  std::size_t last_image = 0;
-  int repeats = 0;
+  std::size_t last_depth_hash = 0;
+  int repeated_images = 0;
   std::optional<double> last_fused;
   std::uint64_t number = 0;  // of the checkpoint
   std::string note;          // of the mapper's caller
@@ -51,14 +51,14 @@ struct ChunkFile {
 };
 
 /// Map with its rig and its fusion options.
-struct MadeWith {
+struct MapSettings {
   const std::filesystem::path& map;
   const Rig& rig;
   const FuseOptions& fuse;
 };
 /// Throws std::runtime_error with both names if different cameras or voxel options prevent the maps from being
 /// `joined`.
-void check_alike(const MadeWith& first, const MadeWith& second, const char* joined);
+void check_alike(const MapSettings& first, const MapSettings& second, const char* joined);
 
 /// Options stored with the session; all other options have their defaults.
 [[nodiscard]] Options options_of(const SessionState& session);
@@ -82,7 +82,7 @@ struct ReadSession {
 struct SessionPictures {
   std::vector<double> timestamps;  // seconds, by keyframe
   SensorModel sensor;
-  NumberedFiles keyframes;  // named by colour_file
+  NumberedFiles keyframes;  // named by color_file
   FileLock hold;            // prevents writers from removing the files
   std::vector<FileLock> hold_parts;
 };
@@ -94,9 +94,9 @@ class SessionWriter {
  public:
   /// Starts a new run. Existing files stay until the first write.
   explicit SessionWriter(std::filesystem::path session);
-  /// Resumes the run that was read. `beside`: uses a new folder with the same files, so that the old run's files stay
-  /// unchanged as long as they are locked.
-  SessionWriter(std::filesystem::path session, const ReadSession& read, bool beside = false);
+  /// Resumes the run that was read. `in_new_run`: uses a new folder with the same files, so that the old run's files
+  /// stay unchanged as long as they are locked.
+  SessionWriter(std::filesystem::path session, const ReadSession& read, bool in_new_run = false);
   /// Removes a run without a written state.
   ~SessionWriter();
   SessionWriter(const SessionWriter&) = delete;
@@ -130,8 +130,8 @@ class SessionWriter {
   std::filesystem::path session_;
   SessionLock lock_;
   std::filesystem::path files_;
-  bool is_named_ = false;  // by state.cbor
-  FrameFiles written_;     // of the last state, like the lists below
+  bool is_referenced_ = false;  // by state.cbor
+  FrameFiles written_;          // of the last state, like the lists below
   std::vector<ChunkFile> keyframe_files_, loop_files_;
   std::vector<PartFiles> parts_;
 };

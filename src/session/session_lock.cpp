@@ -20,10 +20,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kLock = "lock";                // in the session's folder
-constexpr std::string_view kWho = "process ";        // prefix of the lock file's text
-constexpr auto kPatience = std::chrono::seconds(3);  // a killed process takes a moment to exit
-constexpr std::size_t kLongest = 200;                // characters of a command line
+constexpr const char* kLock = "lock";                  // in the session's folder
+constexpr std::string_view kOwnerPrefix = "process ";  // prefix of the lock file's text
+constexpr auto kTimeout = std::chrono::seconds(3);     // a killed process takes a moment to exit
+constexpr std::size_t kMaxCommandLength = 200;         // characters of a command line
 
 std::string text_of(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -31,20 +31,20 @@ std::string text_of(const fs::path& file) {
 }
 
 /// Text for other processes that find the session locked.
-std::string who_i_am() {
+std::string owner_text() {
   std::string command = text_of("/proc/self/cmdline");
   while (!command.empty() && command.back() == '\0') command.pop_back();
   for (char& c : command)
     if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  if (command.size() > kLongest) command.replace(kLongest, command.npos, "...");
-  return fmt::format("{}{}: {}", kWho, getpid(), command);
+  if (command.size() > kMaxCommandLength) command.replace(kMaxCommandLength, command.npos, "...");
+  return fmt::format("{}{}: {}", kOwnerPrefix, getpid(), command);
 }
 
-bool is_the_file_at(int descriptor, const fs::path& file) {
-  struct stat held {
-  }, there{};
-  return fstat(descriptor, &held) == 0 && stat(file.c_str(), &there) == 0 && held.st_ino == there.st_ino &&
-         held.st_dev == there.st_dev;
+bool is_same_file(int descriptor, const fs::path& file) {
+  struct stat locked {
+  }, on_disk{};
+  return fstat(descriptor, &locked) == 0 && stat(file.c_str(), &on_disk) == 0 && locked.st_ino == on_disk.st_ino &&
+         locked.st_dev == on_disk.st_dev;
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ bool is_the_file_at(int descriptor, const fs::path& file) {
 SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
   using Clock = std::chrono::steady_clock;
   const fs::path file = session_ / kLock;
-  const auto end = Clock::now() + kPatience;
+  const auto end = Clock::now() + kTimeout;
   std::error_code error;
   try {
     // A process that exits removes the file, see below. Its lock is then void, and the next attempt makes a new file.
@@ -68,26 +68,26 @@ SessionLock::SessionLock(fs::path session) : session_(std::move(session)) {
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
       else
         break;
-    } while (!lock_ || !is_the_file_at(lock_->descriptor(), file));
+    } while (!lock_ || !is_same_file(lock_->descriptor(), file));
   } catch (...) {
     fs::remove(session_, error);  // fails if the folder is not empty
     throw;
   }
   if (!lock_) {
-    const std::string who = text_of(file);
+    const std::string owner = text_of(file);
     throw std::runtime_error(session_.string() + ": another run writes into it (" +
-                             (who.empty() ? "which has just begun" : who) +
+                             (owner.empty() ? "just started" : owner) +
                              "); wait for its end, or choose another folder with -o");
   }
-  if (const std::string before = text_of(file); !before.empty() && !before.starts_with(kWho)) {
+  if (const std::string before = text_of(file); !before.empty() && !before.starts_with(kOwnerPrefix)) {
     lock_.reset();
     throw std::runtime_error(file.string() +
-                             ": is a file of another kind, where a session has its lock; choose another "
+                             ": is not the lock file of a session; choose another "
                              "folder with -o");
   }
-  const std::string who = who_i_am();
+  const std::string owner = owner_text();
   if (ftruncate(lock_->descriptor(), 0) == 0)
-    (void)!write(lock_->descriptor(), who.data(), who.size());  // on a full disk the owner stays unnamed
+    (void)!write(lock_->descriptor(), owner.data(), owner.size());  // on a full disk the owner stays unnamed
 }
 
 SessionLock::~SessionLock() {

@@ -39,10 +39,10 @@ void fields(auto& io, Of<Camera> auto& c) {
   io(c.width, c.height, c.fx, c.fy, c.cx, c.cy, c.distortion, c.lens, c.readout);
 }
 
-void fields(auto& io, Of<ColourCamera> auto& c) { io(c.camera, c.colour_from_depth); }
+void fields(auto& io, Of<ColorCamera> auto& c) { io(c.camera, c.color_from_depth); }
 
 void fields(auto& io, Of<SensorModel> auto& m) {
-  io(m.floor, m.growth, m.sharpest, m.min_depth, m.max_depth, m.weight, m.least_confidence);
+  io(m.floor, m.growth, m.sharpest, m.min_depth, m.max_depth, m.weight, m.min_confidence);
 }
 
 void fields(auto& io, Of<Eigen::Quaterniond> auto& q) { io(q.coeffs()); }
@@ -50,7 +50,7 @@ void fields(auto& io, Of<Eigen::Quaterniond> auto& q) { io(q.coeffs()); }
 void fields(auto& io, Of<DepthCorrection> auto& c) { io(c.columns, c.rows, c.offsets); }
 
 void fields(auto& io, Of<Rig> auto& r) {
-  io(r.depth, r.colour, r.sensor, r.camera_from_imu);
+  io(r.depth, r.color, r.sensor, r.camera_from_imu);
   io.since(11, r.depth_correction);
 }
 
@@ -59,16 +59,16 @@ void fields(auto& io, Of<Structure::Facing> auto& f) { io(f.normal, f.area); }
 void fields(auto& io, Of<Structure> auto& s) { io(s.facings, s.area); }
 
 void fields(auto& io, Of<Keyframe> auto& k) {
-  io(k.frame, k.timestamp, k.colour_delay, k.submap, k.searched, k.follows, k.odometry_from_camera,
-     k.submap_from_camera, k.information, k.acceleration);
+  io(k.frame, k.timestamp, k.color_delay, k.submap, k.searched, k.follows, k.odometry_from_camera, k.submap_from_camera,
+     k.information, k.acceleration);
   io.since(10, k.accelerations, k.structure);
 }
 
-void fields(auto& io, Of<SettledDown> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.words); }
+void fields(auto& io, Of<FrozenGravity> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.words); }
 
 void fields(auto& io, Of<Loop> auto& l) {
-  io(l.edge.i, l.edge.j, l.edge.i_from_j, l.edge.information, l.edge.is_loop_closure, l.corners, l.inlier_share, l.rmse,
-     l.inlier);
+  io(l.edge.i, l.edge.j, l.edge.i_from_j, l.edge.information, l.edge.is_loop_closure, l.feature_inliers, l.inlier_share,
+     l.rmse, l.inlier);
 }
 
 void fields(auto& io, Of<AdjustedStep> auto& s) { io(s.before_from_camera, s.information); }
@@ -77,23 +77,23 @@ void fields(auto& io, Of<FusedFrame> auto& f) { io(f.timestamp, f.keyframe, f.tw
 
 void fields(auto& io, Of<Tracker::Moment> auto& m) { io(m.timestamp, m.submap_from_camera); }
 
-void fields(auto& io, Of<Tracker::Memory> auto& m) {
-  io(m.last, m.last_aligned, m.last_is_weak, m.usual_brightness, m.lost_frames, m.lost_views, m.clock_offset_costs,
-     m.clock_offset_frames, m.focal_costs, m.focal_pairs, m.last_guess, m.guess_error, m.motion_error, m.guesses,
-     m.frames_of_view);
+void fields(auto& io, Of<Tracker::State> auto& m) {
+  io(m.last, m.last_aligned, m.last_is_degenerate, m.mean_photometric_rmse, m.lost_frames, m.lost_views,
+     m.clock_offset_costs, m.clock_offset_frames, m.focal_costs, m.focal_pairs, m.last_guess, m.guess_error,
+     m.motion_error, m.guesses, m.frames_of_prediction);
 }
 
-void fields(auto& io, Of<PhotometricKeyframe::Saved> auto& k) {
+void fields(auto& io, Of<PhotometricKeyframe::SavedState> auto& k) {
   io(k.submap_from_camera, k.moment.velocity, k.moment.stamp_delay, k.moment.clock_offset, k.levels);
 }
 
 void fields(auto& io, Of<AngularRate> auto& r) { io(r.timestamp, r.rate); }
 
-void fields(auto& io, Of<Gyroscope::Memory> auto& m) { io(m.samples, m.count, m.imu, m.camera, m.camera_imu); }
+void fields(auto& io, Of<Gyroscope::State> auto& m) { io(m.samples, m.count, m.imu, m.camera, m.camera_imu); }
 
-void fields(auto& io, Of<Raycaster::Saved> auto& p) { io(p.submap_from_camera, p.points); }
+void fields(auto& io, Of<Raycaster::SavedState> auto& p) { io(p.submap_from_camera, p.points); }
 
-void fields(auto& io, Of<Volume::Residency> auto& r) {
+void fields(auto& io, Of<Volume::SavedState> auto& r) {
   io(r.origin, r.on_device, r.on_host, r.device_last_seen, r.host_last_seen, r.counts.allocated, r.counts.paged_out,
      r.counts.paged_in);
 }
@@ -108,7 +108,7 @@ void fields(auto& io, SurfaceSigma& sigma) {
   sigma = SurfaceSigma(cells);
 }
 
-void fields(auto& io, Of<BegunGraph> auto& b) { io(b.keyframes, b.loops, b.world_from_camera); }
+void fields(auto& io, Of<GraphSnapshot> auto& b) { io(b.keyframes, b.loops, b.world_from_camera); }
 
 void fields(auto& io, const PartFiles& p) {
   io(p.folder.string(), p.first_keyframe, p.keyframes, p.first_submap, p.submaps);
@@ -140,20 +140,20 @@ void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<Nam
   io("frames", newest.frames);
   io("frame_files", files.frame_files);
   io("recordings", m.atlas.recordings);
-  io.since(10, "upright", m.atlas.up, m.atlas.settled);
+  io.since(10, "upright", m.atlas.up, m.atlas.frozen_gravity);
   io.since(12, "surface_sigma", m.atlas.surface_sigma);
   io.since(15, "adjusted_steps", m.atlas.steps);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
-  io("back_end", m.searched, m.submap_begin, m.submap_since, m.in_world, m.breaks, m.settling.unsettled, m.searching,
-     m.settling.closing);
-  io.since(14, "whole_graph", m.settling.whole, m.settling.next_whole);
-  io("tracker", s.tracker.memory);
+  io("back_end", m.searched, m.submap_begin, m.submap_since, m.tracks_in_world, m.starts_component,
+     m.scheduler.has_pending_loops, m.searching, m.scheduler.closing);
+  io.since(14, "whole_graph", m.scheduler.full, m.scheduler.next_full);
+  io("tracker", s.tracker.state);
   io("photometric_keyframe", s.tracker.reference);
   io("prediction", s.tracker.prediction);
   io("gyroscope", s.tracker.gyroscope);
   io("residency", s.residency);
-  io("mapper", s.fused_count, s.last_image, s.repeats, s.last_fused, Until<9, Eigen::Vector3d>{});
+  io("mapper", s.fused_count, s.last_depth_hash, s.repeated_images, s.last_fused, Until<9, Eigen::Vector3d>{});
   io("number", s.number);
   io("run", files.run);
   io.since(13, "parts", files.parts);

@@ -12,41 +12,43 @@
 namespace cairn {
 namespace {
 
-void require(bool is_so, const char* otherwise) {
-  if (!is_so) throw std::runtime_error(otherwise);
+void require(bool condition, const char* problem) {
+  if (!condition) throw std::runtime_error(problem);
 }
 
 void require_numbers(std::initializer_list<double> values) {
-  require(std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); }), "a number is none");
+  require(std::all_of(values.begin(), values.end(), [](double v) { return std::isfinite(v); }),
+          "a number is not finite");
 }
 template <class Matrix>
 void require_numbers(const Eigen::MatrixBase<Matrix>& m) {
-  require(m.allFinite(), "a number is none");
+  require(m.allFinite(), "a number is not finite");
 }
 
 void require_rigid(const Eigen::Isometry3d& pose) {
-  constexpr double kBent = 0.01;  // far above rounding errors
+  constexpr double kRotationTolerance = 0.01;  // far above rounding errors
   const Eigen::Matrix3d r = pose.linear();
-  require(pose.matrix().allFinite() && (r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < kBent &&
+  require(pose.matrix().allFinite() && (r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < kRotationTolerance &&
               r.determinant() > 0 && pose.matrix().row(3) == Eigen::RowVector4d(0, 0, 0, 1),
-          "a pose is none");
+          "a pose is not a rigid transform");
 }
 
 /// Unit direction, with its area.
 void require_unit(const Eigen::Vector3d& direction, float area = 1) {
-  constexpr double kBent = 0.01;
-  require(std::abs(direction.norm() - 1) < kBent && area >= 0 && std::isfinite(area), "a direction is none");
+  constexpr double kRotationTolerance = 0.01;
+  require(std::abs(direction.norm() - 1) < kRotationTolerance && area >= 0 && std::isfinite(area),
+          "a direction is not a unit vector");
 }
 
 void require_near(const Brick& brick) {
-  constexpr int kFar = 1 << 24;  // bricks; no overflow below
-  require((brick.array() > -kFar).all() && (brick.array() < kFar).all(), "a brick lies nowhere");
+  constexpr int kMaxIndex = 1 << 24;  // bricks; no overflow below
+  require((brick.array() > -kMaxIndex).all() && (brick.array() < kMaxIndex).all(), "a brick index is out of range");
 }
 
 void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps) {
   require(keyframe.submap <= submaps, "a submap is missing");
   require(keyframe.searched <= number && !(keyframe.follows && number == 0), "a keyframe is missing");
-  require_numbers({keyframe.timestamp, keyframe.colour_delay});
+  require_numbers({keyframe.timestamp, keyframe.color_delay});
   require_numbers(keyframe.information);
   if (keyframe.acceleration) require_numbers(*keyframe.acceleration);
   require_numbers(keyframe.accelerations);
@@ -57,17 +59,19 @@ void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps)
 }
 
 void validate(const SurfaceSigma& sigma) {
-  constexpr int kFar = 1 << 24;  // cells, the limit of SurfaceSigma
+  constexpr int kMaxIndex = 1 << 24;  // cells, the limit of SurfaceSigma
   for (const SurfaceSigma::Cell& cell : sigma.cells()) {
     require_numbers({cell.variance, cell.weight});
-    require(cell.variance > 0 && cell.weight > 0, "a standard deviation is none");
-    require((cell.at.array() > -kFar).all() && (cell.at.array() < kFar).all(), "a part of the surface lies nowhere");
+    require(cell.variance > 0 && cell.weight > 0, "a standard deviation is not positive");
+    require((cell.at.array() > -kMaxIndex).all() && (cell.at.array() < kMaxIndex).all(),
+            "a surface cell is out of range");
   }
 }
 
 void validate(const AdjustedStep& step) {
   require_numbers(step.information);
-  require(step.information.isZero() || step.information.llt().info() == Eigen::Success, "a step is not known at all");
+  require(step.information.isZero() || step.information.llt().info() == Eigen::Success,
+          "an odometry step has an invalid information matrix");
   require_rigid(step.before_from_camera);
 }
 
@@ -78,25 +82,25 @@ void validate(const Loop& loop, std::size_t keyframes) {
   require_rigid(edge.i_from_j);
 }
 
-void validate(const BackEnd::Memory& m, std::size_t frames) {
+void validate(const BackEnd::State& m, std::size_t frames) {
   const Atlas& atlas = m.atlas;
   const std::size_t keyframes = atlas.keyframes.size();
   for (std::size_t k = 0; k < keyframes; ++k) validate(atlas.keyframes[k], k, m.submaps.size());
   require(atlas.world_from_camera.size() == keyframes, "poses and keyframes do not match");
   for (const Eigen::Isometry3d& pose : atlas.world_from_camera) require_rigid(pose);
   for (const Loop& loop : atlas.loops) validate(loop, keyframes);
-  require(!atlas.up || (*atlas.up >= Up::automatic && *atlas.up <= Up::minus_z), "nothing of that name points up");
-  if (atlas.settled) {
-    require(atlas.settled->keyframe < keyframes, "a keyframe is missing");
-    require(atlas.settled->found.source >= Upright::Source::accelerometer &&
-                atlas.settled->found.source <= Upright::Source::unknown,
-            "what tells the way up is unknown");
-    require_unit(atlas.settled->found.down);
+  require(!atlas.up || (*atlas.up >= Up::automatic && *atlas.up <= Up::minus_z), "the up axis is unknown");
+  if (atlas.frozen_gravity) {
+    require(atlas.frozen_gravity->keyframe < keyframes, "a keyframe is missing");
+    require(atlas.frozen_gravity->found.source >= GravityAlignment::Source::accelerometer &&
+                atlas.frozen_gravity->found.source <= GravityAlignment::Source::unknown,
+            "the source of the gravity direction is unknown");
+    require_unit(atlas.frozen_gravity->found.down);
   }
   validate(atlas.surface_sigma);
   require(atlas.steps.size() <= keyframes, "steps and keyframes do not match");
   for (const AdjustedStep& step : atlas.steps) validate(step);
-  require(atlas.frames.full().empty(), "frames stand where only the newest do");
+  require(atlas.frames.full().empty(), "the state has full chunks of frames");
   validate(atlas.frames.rest(), keyframes);
   require((frames == 0) == (keyframes == 0), "keyframes and frames do not match");
   require(std::is_sorted(atlas.recordings.begin(), atlas.recordings.end()) &&
@@ -105,39 +109,39 @@ void validate(const BackEnd::Memory& m, std::size_t frames) {
   require(m.tracked_from_camera.size() == keyframes, "tracked poses and keyframes do not match");
   for (const auto& pose : m.tracked_from_camera)
     if (pose) require_rigid(*pose);
-  if (const auto& whole = m.settling.whole) {
-    require(whole->keyframes <= keyframes && whole->world_from_camera.size() == whole->keyframes,
+  if (const auto& full = m.scheduler.full) {
+    require(full->keyframes <= keyframes && full->world_from_camera.size() == full->keyframes,
             "poses and keyframes do not match");
-    require(whole->loops <= atlas.loops.size(), "a loop is missing");
-    for (std::size_t k = 0; k < whole->loops; ++k)
-      require(std::max(atlas.loops[k].edge.i, atlas.loops[k].edge.j) < whole->keyframes, "a keyframe is missing");
-    for (const Eigen::Isometry3d& pose : whole->world_from_camera) require_rigid(pose);
+    require(full->loops <= atlas.loops.size(), "a loop is missing");
+    for (std::size_t k = 0; k < full->loops; ++k)
+      require(std::max(atlas.loops[k].edge.i, atlas.loops[k].edge.j) < full->keyframes, "a keyframe is missing");
+    for (const Eigen::Isometry3d& pose : full->world_from_camera) require_rigid(pose);
   }
   require(m.searched <= keyframes && m.submap_begin <= keyframes, "a keyframe is missing");
 }
 
-void validate(const Tracker::Memory& t, std::size_t frames) {
+void validate(const Tracker::State& t, std::size_t frames) {
   require(t.last.size() <= 2 && t.last.empty() == (frames == 0), "the last frames are missing");
   for (const Tracker::Moment& moment : t.last) {
     require_numbers({moment.timestamp});
     require_rigid(moment.submap_from_camera);
   }
-  require_numbers({t.usual_brightness, t.last_aligned, t.guess_error, t.motion_error});
+  require_numbers({t.mean_photometric_rmse, t.last_aligned, t.guess_error, t.motion_error});
   if (t.last_guess) require_numbers(t.last_guess->matrix());
   for (const double cost : t.clock_offset_costs) require_numbers({cost});
   for (const double cost : t.focal_costs) require_numbers({cost});
   require(t.lost_frames >= 0 && t.lost_views >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0 &&
-              t.frames_of_view >= 0,
+              t.frames_of_prediction >= 0,
           "a count is below zero");
 }
 
-void validate(const PhotometricKeyframe::Saved& keyframe) {
+void validate(const PhotometricKeyframe::SavedState& keyframe) {
   require_rigid(keyframe.submap_from_camera);
   require_numbers(keyframe.moment.velocity);
   require_numbers({keyframe.moment.stamp_delay, keyframe.moment.clock_offset});
 }
 
-void validate(const Volume::Residency& r) {
+void validate(const Volume::SavedState& r) {
   require(r.device_last_seen.size() == r.on_device.size() && r.host_last_seen.size() == r.on_host.size(),
           "bricks and their stamps do not match");
   require_near(r.origin);
@@ -151,18 +155,18 @@ void validate(const SessionState& s, std::size_t frames) {
   check(s.rig);
   check(options_of(s));
   validate(s.back_end, frames);
-  validate(s.tracker.memory, frames);
+  validate(s.tracker.state, frames);
   validate(s.tracker.reference);
   require_rigid(s.tracker.prediction.submap_from_camera);
-  const Gyroscope::Memory& g = s.tracker.gyroscope;
+  const Gyroscope::State& g = s.tracker.gyroscope;
   require_numbers({g.count, g.imu.sum(), g.camera.sum(), g.camera_imu.sum()});
   for (const AngularRate& r : g.samples) require_numbers({r.timestamp, r.rate.sum()});
   validate(s.residency);
-  require(s.repeats >= 0, "a count is below zero");
+  require(s.repeated_images >= 0, "a count is below zero");
   require_numbers({s.last_fused.value_or(0)});
 }
 
-void validate(const NamedFiles& files, const BackEnd::Memory& map) {
+void validate(const NamedFiles& files, const BackEnd::State& map) {
   std::size_t keyframe = 0, submap = 0;
   for (const PartFiles& part : files.parts) {
     require(part.first_keyframe >= keyframe && part.first_submap >= submap, "parts of the map are out of order");

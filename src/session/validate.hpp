@@ -14,7 +14,7 @@ namespace cairn {
 /// chunks.
 void validate(const SessionState& session, std::size_t frames);
 /// As above for the file names of a state, given a valid map.
-void validate(const NamedFiles& files, const BackEnd::Memory& map);
+void validate(const NamedFiles& files, const BackEnd::State& map);
 /// As above for frames of a session with `keyframes` keyframes.
 void validate(const FusedFrames::Chunk& frames, std::size_t keyframes);
 

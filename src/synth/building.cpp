@@ -29,11 +29,11 @@ using Eigen::Vector3f;
 constexpr float kStorey = 3, kHalfCorridor = 1.1f, kWidth = 4, kDepth = 4.8f;  // of rooms
 constexpr float kDoorAt = 0.9f;                                                // from a room's first corner
 constexpr float kLanding = 1.2f, kFlight = 2.4f, kHalfStairs = 1.3f;
-constexpr int kSteps = 9;                         // of a flight, half a storey high
-constexpr int kSharedOffices = 6, kKindsOf = 10;  // number of rooms in ten that are identical offices
-constexpr double kLonger = 1.1;                   // assumed length ratio of a path from corner to corner and the curve
-                                                  // through the corners
-constexpr int kClosedDoors = 40;                  // percent of the doors off the path
+constexpr int kSteps = 9;                           // of a flight, half a storey high
+constexpr int kSharedOffices = 6, kRoomKinds = 10;  // number of rooms in ten that are identical offices
+constexpr double kPathLengthRatio = 1.1;  // assumed length ratio of a path from corner to corner and the curve
+                                          // through the corners
+constexpr int kClosedDoors = 40;          // percent of the doors off the path
 const auto kBelow = static_cast<float>(kFloor);
 
 /// Hash of some numbers, the same on every platform (splitmix64: Steele, Lea & Flood 2014).
@@ -69,7 +69,7 @@ struct Place {
 };
 void add(Solids& all, Solids part, const Place& place) {
   for (Scene::Solid& s : part) {
-    s.centre = place(s.centre);
+    s.center = place(s.center);
     if (place.is_turned) s.yaw += std::numbers::pi_v<float>;
     all.push_back(s);
   }
@@ -122,7 +122,7 @@ Scene::Solid slab(const Vector2f& from, const Vector2f& to, float top, float thi
           0,
           paper.pattern,
           paper.scale,
-          paper.colour,
+          paper.color,
           paper.second};
 }
 
@@ -131,89 +131,91 @@ const Paper kStone{Pattern::tiles, 0.5f, {0.62f, 0.6f, 0.58f}, {0.5f, 0.48f, 0.4
 const Paper kCarpet{Pattern::checker, 0.5f, {0.4f, 0.45f, 0.52f}, {0.36f, 0.41f, 0.48f}};
 constexpr float kSlab = kStorey - 2.6f;  // between a ceiling and the floor above
 
-void add_chair(Solids& s, float x, float z, const Vector3f& colour) {
-  s.push_back(standing(x, z, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, colour, kWhite, 0.3f));
-  s.push_back(standing(x - 0.06f, z - 0.2f, {0.45f, 0.45f, 0.05f}, 0.5f, Pattern::tiles, 0.09f, colour, kWhite, 0.3f));
-  add_column(s, x, z, 0.05f, 0.42f, kGrey);
+void add_chair(Solids& s, float x, float z, const Vector3f& color) {
+  s.push_back(box_on_floor(x, z, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, color, kWhite, 0.3f));
+  s.push_back(
+      box_on_floor(x - 0.06f, z - 0.2f, {0.45f, 0.45f, 0.05f}, 0.5f, Pattern::tiles, 0.09f, color, kWhite, 0.3f));
+  add_column(s, x, z, 0.05f, 0.42f, kGray);
 }
 
 /// Identical in every office, to the last book.
 Solids office() {
   Solids s;
   add_table(s, 2.7f, 4.3f, 1.5f, 0.75f, {0.7f, 0.25f, 0.2f});
-  s.push_back(standing(2.7f, 4.5f, {0.55f, 0.35f, 0.05f}, 0.87f, Pattern::patches, 0.08f, {0.2f, 0.4f, 0.7f},
-                       {0.1f, 0.6f, 0.5f}));
+  s.push_back(box_on_floor(2.7f, 4.5f, {0.55f, 0.35f, 0.05f}, 0.87f, Pattern::patches, 0.08f, {0.2f, 0.4f, 0.7f},
+                           {0.1f, 0.6f, 0.5f}));
   add_chair(s, 2.7f, 3.65f, {0.2f, 0.45f, 0.35f});
   add_shelf(s, 3.77f, 2.2f, false, {0.6f, 0.35f, 0.2f});
-  s.push_back(standing(0.36f, 4.2f, {0.55f, 1.2f, 0.9f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, kWood));
+  s.push_back(box_on_floor(0.36f, 4.2f, {0.55f, 1.2f, 0.9f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, kWood));
   add_column(s, 1.6f, 4.5f, 0.16f, 0.4f, {0.3f, 0.35f, 0.6f});
   add_picture(s, {1.9f, -0.35f, 4.73f}, {0.6f, 0.4f, 0.03f}, 0.25f, {0.55f, 0.75f, 0.9f});
   add_picture(s, {0.07f, -0.3f, 2.6f}, {0.03f, 0.35f, 0.5f}, 0.11f, {0.8f, 0.6f, 0.25f});
   return s;
 }
 
-Solids meeting_room(std::uint64_t look) {
+Solids meeting_room(std::uint64_t seed) {
   Solids s;
-  const Vector3f colour = tint(look);
-  add_table(s, 2.3f, 4.25f, 2.6f, 0.8f, colour);
-  for (const float x : {1.4f, 2.3f, 3.2f}) add_chair(s, x, 3.65f, colour);
+  const Vector3f color = tint(seed);
+  add_table(s, 2.3f, 4.25f, 2.6f, 0.8f, color);
+  for (const float x : {1.4f, 2.3f, 3.2f}) add_chair(s, x, 3.65f, color);
   add_picture(s, {3.93f, -0.25f, 2.2f}, {0.03f, 0.5f, 1.0f}, 0.3f, kWhite);
-  add_column(s, 0.4f, 4.4f, 0.25f, 0.9f, tint(look));
+  add_column(s, 0.4f, 4.4f, 0.25f, 0.9f, tint(seed));
   add_ball(s, {0.4f, 0.2f, 4.4f}, 0.22f, {0.2f, 0.55f, 0.25f});
   return s;
 }
 
-Solids store_room(std::uint64_t look) {
+Solids store_room(std::uint64_t seed) {
   Solids s;
-  add_shelf(s, 3.77f, 1.5f, false, tint(look));
-  add_shelf(s, 3.77f, 3.0f, false, tint(look));
-  add_shelf(s, 1.4f, 4.57f, true, tint(look));
+  add_shelf(s, 3.77f, 1.5f, false, tint(seed));
+  add_shelf(s, 3.77f, 3.0f, false, tint(seed));
+  add_shelf(s, 1.4f, 4.57f, true, tint(seed));
   for (int i = 0; i < 4; ++i) {
-    const float size = 0.35f + 0.05f * static_cast<float>(pick(look, 5));
-    s.push_back(standing(2.4f + 0.45f * static_cast<float>(i % 3), 4.3f - 0.1f * static_cast<float>(pick(look, 3)),
-                         {size, size, size}, i == 3 ? 0.6f : 0, Pattern::patches, 0.1f, tint(look), tint(look),
-                         0.2f * static_cast<float>(i)));
+    const float size = 0.35f + 0.05f * static_cast<float>(pick(seed, 5));
+    s.push_back(box_on_floor(2.4f + 0.45f * static_cast<float>(i % 3), 4.3f - 0.1f * static_cast<float>(pick(seed, 3)),
+                             {size, size, size}, i == 3 ? 0.6f : 0, Pattern::patches, 0.1f, tint(seed), tint(seed),
+                             0.2f * static_cast<float>(i)));
   }
-  s.push_back(standing(0.33f, 3.2f, {0.45f, 1.7f, 1.2f}, 0, Pattern::wood, 0.3f, kWood, kDark));
+  s.push_back(box_on_floor(0.33f, 3.2f, {0.45f, 1.7f, 1.2f}, 0, Pattern::wood, 0.3f, kWood, kDark));
   return s;
 }
 
-Solids kitchen(std::uint64_t look) {
+Solids kitchen(std::uint64_t seed) {
   Solids s;
-  const Vector3f front = tint(look);
-  s.push_back(standing(2.4f, 4.42f, {3.0f, 0.9f, 0.6f}, 0, Pattern::tiles, 0.5f, front, kGrey));
-  s.push_back(standing(2.4f, 4.55f, {3.0f, 0.6f, 0.35f}, 1.5f, Pattern::tiles, 0.5f, front, kGrey));
-  s.push_back(standing(0.45f, 4.3f, {0.6f, 1.8f, 0.65f}, 0, Pattern::plain, 0.1f, kWhite, kGrey));
-  s.push_back(standing(1.7f, 4.35f, {0.25f, 0.3f, 0.2f}, 0.9f, Pattern::patches, 0.05f, tint(look), kWhite, 0.4f));
+  const Vector3f front = tint(seed);
+  s.push_back(box_on_floor(2.4f, 4.42f, {3.0f, 0.9f, 0.6f}, 0, Pattern::tiles, 0.5f, front, kGray));
+  s.push_back(box_on_floor(2.4f, 4.55f, {3.0f, 0.6f, 0.35f}, 1.5f, Pattern::tiles, 0.5f, front, kGray));
+  s.push_back(box_on_floor(0.45f, 4.3f, {0.6f, 1.8f, 0.65f}, 0, Pattern::plain, 0.1f, kWhite, kGray));
+  s.push_back(box_on_floor(1.7f, 4.35f, {0.25f, 0.3f, 0.2f}, 0.9f, Pattern::patches, 0.05f, tint(seed), kWhite, 0.4f));
   add_column(s, 3.6f, 1.4f, 0.25f, 1.05f, kWood);
-  add_picture(s, {0.07f, -0.3f, 2.6f}, {0.03f, 0.4f, 0.3f}, 0.09f, tint(look));
+  add_picture(s, {0.07f, -0.3f, 2.6f}, {0.03f, 0.4f, 0.3f}, 0.09f, tint(seed));
   return s;
 }
 
 /// Adds two individual objects that distinguish a room from identical rooms.
-void add_own_things(Solids& s, std::uint64_t look) {
-  const float scale = 0.06f + 0.01f * static_cast<float>(pick(look, 8));
-  const float up = -0.5f + 0.1f * static_cast<float>(pick(look, 4));
-  add_picture(s, {3.1f, up, 0.07f}, {0.2f + 0.05f * static_cast<float>(pick(look, 5)), 0.25f, 0.03f}, scale,
-              tint(look));
-  switch (pick(look, 3)) {
+void add_individual_objects(Solids& s, std::uint64_t seed) {
+  const float scale = 0.06f + 0.01f * static_cast<float>(pick(seed, 8));
+  const float up = -0.5f + 0.1f * static_cast<float>(pick(seed, 4));
+  add_picture(s, {3.1f, up, 0.07f}, {0.2f + 0.05f * static_cast<float>(pick(seed, 5)), 0.25f, 0.03f}, scale,
+              tint(seed));
+  switch (pick(seed, 3)) {
     case 0:
-      return add_ball(s, {3.5f, 1.1f, 0.5f}, 0.2f, tint(look));
+      return add_ball(s, {3.5f, 1.1f, 0.5f}, 0.2f, tint(seed));
     case 1:
-      return add_column(s, 3.55f, 0.5f, 0.18f, 0.6f, tint(look));
+      return add_column(s, 3.55f, 0.5f, 0.18f, 0.6f, tint(seed));
     default:
-      s.push_back(standing(3.5f, 0.5f, {0.4f, 0.35f, 0.3f}, 0, Pattern::patches, 0.07f, tint(look), tint(look), 0.5f));
+      s.push_back(
+          box_on_floor(3.5f, 0.5f, {0.4f, 0.35f, 0.3f}, 0, Pattern::patches, 0.07f, tint(seed), tint(seed), 0.5f));
   }
 }
 
 Solids furniture(int number) {
-  std::uint64_t look = mixed({1, number});
-  const int kind = pick(look, kKindsOf);
+  std::uint64_t seed = mixed({1, number});
+  const int kind = pick(seed, kRoomKinds);
   Solids s = kind < kSharedOffices ? office()
-             : kind < 8            ? meeting_room(look)
-             : kind < 9            ? store_room(look)
-                                   : kitchen(look);
-  add_own_things(s, mixed({2, number}));
+             : kind < 8            ? meeting_room(seed)
+             : kind < 9            ? store_room(seed)
+                                   : kitchen(seed);
+  add_individual_objects(s, mixed({2, number}));
   return s;
 }
 
@@ -223,27 +225,27 @@ Scene::Solid door_leaf(bool is_open, std::uint64_t how) {
   const float degrees = is_open ? 90.0f + 2.0f * static_cast<float>(pick(how, 10)) : 0.0f;
   const float angle = degrees * std::numbers::pi_v<float> / 180;
   const float hinge_x = kDoorAt - kDoor / 2 + 0.02f, hinge_z = is_open ? kWall / 2 + 0.02f : 0;
-  Scene::Solid leaf = standing(hinge_x + kHalf * std::cos(angle), hinge_z + kHalf * std::sin(angle),
-                               {2 * kHalf, kHeight, 0.04f}, 0, Pattern::wood, 0.4f, {0.65f, 0.55f, 0.42f}, kDark);
+  Scene::Solid leaf = box_on_floor(hinge_x + kHalf * std::cos(angle), hinge_z + kHalf * std::sin(angle),
+                                   {2 * kHalf, kHeight, 0.04f}, 0, Pattern::wood, 0.4f, {0.65f, 0.55f, 0.42f}, kDark);
   leaf.yaw = angle;
   return leaf;
 }
 
 /// Walls to the corridor, to the left and to the outside, floor, and door plate on the corridor.
-Solids shell(std::uint64_t look) {
+Solids shell(std::uint64_t seed) {
   Solids s;
   add_wall(s, {0, 0}, {kWidth, 0}, kDoorAt, kOfficePaper);
   add_wall(s, {0, 0}, {0, kDepth}, -1, kOfficePaper);
   add_wall(s, {0, kDepth}, {kWidth, kDepth}, -1, kOfficePaper);
   s.push_back(slab({0, 0}, {kWidth, kDepth}, kBelow, kSlab, kCarpet));
-  add_picture(s, {1.55f, 0.0f, -0.06f}, {0.1f, 0.07f, 0.015f}, 0.04f, tint(look));
-  if (pick(look, 2) == 0)
+  add_picture(s, {1.55f, 0.0f, -0.06f}, {0.1f, 0.07f, 0.015f}, 0.04f, tint(seed));
+  if (pick(seed, 2) == 0)
     add_picture(
         s, {2.6f, -0.3f, -0.06f},
-        {0.3f + 0.08f * static_cast<float>(pick(look, 5)), 0.3f + 0.04f * static_cast<float>(pick(look, 4)), 0.02f},
-        0.07f + 0.01f * static_cast<float>(pick(look, 9)), tint(look));
-  else if (pick(look, 3) == 0)
-    s.push_back(standing(2.7f, -0.24f, {0.9f, 0.45f, 0.35f}, 0, Pattern::wood, 0.3f, kWood, kDark));
+        {0.3f + 0.08f * static_cast<float>(pick(seed, 5)), 0.3f + 0.04f * static_cast<float>(pick(seed, 4)), 0.02f},
+        0.07f + 0.01f * static_cast<float>(pick(seed, 9)), tint(seed));
+  else if (pick(seed, 3) == 0)
+    s.push_back(box_on_floor(2.7f, -0.24f, {0.9f, 0.45f, 0.35f}, 0, Pattern::wood, 0.3f, kWood, kDark));
   return s;
 }
 
@@ -256,9 +258,10 @@ Solids flights() {
       const float up = rise * static_cast<float>(i + 1) + (is_first ? 0 : kStorey / 2);
       const float out = run * (static_cast<float>(i) + 0.5f);
       const float x = is_first ? kLanding + out : kLanding + kFlight - out, z = is_first ? 0.65f : -0.65f;
-      s.push_back(standing(x, z, {run, 0.3f, 1.2f}, up - 0.3f, Pattern::tiles, 0.3f, kStone.colour, kStone.second));
+      s.push_back(box_on_floor(x, z, {run, 0.3f, 1.2f}, up - 0.3f, Pattern::tiles, 0.3f, kStone.color, kStone.second));
       if (i % 2 == 0)
-        s.push_back(standing(x, z > 0 ? 0.07f : -0.07f, {0.05f, 0.9f, 0.05f}, up, Pattern::wood, 0.2f, kDark, kWood));
+        s.push_back(
+            box_on_floor(x, z > 0 ? 0.07f : -0.07f, {0.05f, 0.9f, 0.05f}, up, Pattern::wood, 0.2f, kDark, kWood));
     }
   s.push_back(slab({kLanding + kFlight, -kHalfStairs}, {2 * kLanding + kFlight, kHalfStairs}, kBelow - kStorey / 2,
                    0.3f, kStone));
@@ -270,8 +273,8 @@ Solids flights() {
 Solids stairwell(bool is_lowest, bool is_highest) {
   Solids s;
   const float outside = 2 * kLanding + kFlight;
-  const auto wall = [&](const Vector3f& centre, const Vector3f& half) {
-    s.push_back({Shape::box, centre, half, 0, Pattern::tiles, 0.4f, {0.74f, 0.72f, 0.64f}, {0.6f, 0.58f, 0.5f}});
+  const auto wall = [&](const Vector3f& center, const Vector3f& half) {
+    s.push_back({Shape::box, center, half, 0, Pattern::tiles, 0.4f, {0.74f, 0.72f, 0.64f}, {0.6f, 0.58f, 0.5f}});
   };
   const float middle = (kBelow + kCeiling) / 2 + kSlab / 2, half_height = kStorey / 2;  // through the slab below
   for (const float z : {-kHalfStairs, kHalfStairs})
@@ -281,7 +284,7 @@ Solids stairwell(bool is_lowest, bool is_highest) {
   if (is_highest) {
     s.push_back(slab({0, -kHalfStairs}, {outside, kHalfStairs}, kCeiling - kSlab, kSlab, kStone));
     if (!is_lowest)  // rail at the top landing
-      s.push_back(standing(kLanding, 0.68f, {0.06f, 1.0f, 1.2f}, 0, Pattern::wood, 0.2f, kDark, kWood));
+      s.push_back(box_on_floor(kLanding, 0.68f, {0.06f, 1.0f, 1.2f}, 0, Pattern::wood, 0.2f, kDark, kWood));
   } else {
     const Solids up = flights();
     s.insert(s.end(), up.begin(), up.end());
@@ -295,7 +298,7 @@ Solids corridor(const Plan& plan, int storey) {
   s.push_back(slab({0, -kHalfCorridor}, {length, kHalfCorridor}, kBelow, kSlab, kStone));
   if (storey + 1 == plan.floors())
     s.push_back(slab({0, -kHalfCorridor - kDepth}, {length, kHalfCorridor + kDepth}, kCeiling - kSlab, kSlab,
-                     {Pattern::tiles, 0.6f, kWhite, kGrey}));
+                     {Pattern::tiles, 0.6f, kWhite, kGray}));
   for (int column = 0; column < plan.columns(); ++column)
     s.push_back({Shape::box,
                  {kWidth * (static_cast<float>(column) + 0.5f), kCeiling + 0.04f, 0},
@@ -304,7 +307,7 @@ Solids corridor(const Plan& plan, int storey) {
                  Pattern::plain,
                  0.2f,
                  kWhite,
-                 kGrey});
+                 kGray});
   // Each room has only its left wall: add the right wall of the last rooms.
   add_wall(s, {length, kHalfCorridor}, {length, kHalfCorridor + kDepth}, -1, kOfficePaper);
   add_wall(s, {0, -kHalfCorridor}, {0, -kHalfCorridor - kDepth}, -1, kOfficePaper);
@@ -337,19 +340,19 @@ class Walk {
     go({x_, Plan::height(storey_), first.side == 0 ? -0.4f : 0.4f});
     go({x_, Plan::height(storey_), 0});
     visit(room_);
-    while (metres_ < kLonger * options.metres + 1) next();
+    while (meters_ < kPathLengthRatio * options.meters + 1) next();
   }
-  [[nodiscard]] std::vector<Vector3d> way() const {
-    std::vector<Vector3d> way = smooth(through_);
-    way.resize(std::min(way.size(), static_cast<std::size_t>(options_.metres / 0.05)));
-    return way;
+  [[nodiscard]] std::vector<Vector3d> path() const {
+    std::vector<Vector3d> path = smooth(through_);
+    path.resize(std::min(path.size(), static_cast<std::size_t>(options_.meters / 0.05)));
+    return path;
   }
   [[nodiscard]] const std::set<int>& rooms() const { return rooms_; }
 
  private:
   int draw(int below) { return static_cast<int>(random_() % static_cast<std::uint64_t>(below)); }
   void go(const Vector3f& to) {
-    if (!through_.empty()) metres_ += (to.cast<double>() - through_.back()).norm();
+    if (!through_.empty()) meters_ += (to.cast<double>() - through_.back()).norm();
     through_.push_back(to.cast<double>());
   }
   void go_along_corridor(float x) {
@@ -421,15 +424,15 @@ class Walk {
   std::set<int> rooms_;
   int room_ = 0, storey_ = 0;
   float x_ = 0;
-  double metres_ = 0;
+  double meters_ = 0;
 };
 
-double number_of(std::string_view key, std::string_view text, double least, double most) {
+double number_of(std::string_view key, std::string_view text, double min, double max) {
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(value >= least && value <= most))
+  if (error != std::errc() || end != text.data() + text.size() || !(value >= min && value <= max))
     throw std::runtime_error(
-        fmt::format("synthetic building: {} is {}: give a number from {} to {}", key, text, least, most));
+        fmt::format("synthetic building: {} is {}: give a number from {} to {}", key, text, min, max));
   return value;
 }
 
@@ -448,22 +451,23 @@ BuildingOptions building_options(std::string_view query) {
       options.rooms = static_cast<int>(number_of(key, value, 1, 10000));
     else if (key == "recording")
       options.recording = static_cast<int>(number_of(key, value, 0, 1000000));
-    else if (key == "metres")
-      options.metres = number_of(key, value, 1, 100000);
+    else if (key == "meters" || key == "metres")  // the name before version 0.2
+      options.meters = number_of(key, value, 1, 100000);
     else
       throw std::runtime_error(
-          fmt::format("synthetic building: there is no '{}': choose floors, rooms, recording or metres", key));
+          fmt::format("synthetic building: unknown option '{}': choose floors, rooms, recording or meters", key));
   }
   if (options.rooms < options.floors)
-    throw std::runtime_error(fmt::format("synthetic building: {} rooms are less than one for each of {} floors",
-                                         options.rooms, options.floors));
+    throw std::runtime_error(
+        fmt::format("synthetic building: {} rooms are too few for {} floors: give at least one room per floor",
+                    options.rooms, options.floors));
   return options;
 }
 
 Scene building(const BuildingOptions& options) {
   const Plan plan(options);
   const Walk walk(plan, options);
-  Scene scene{.name = "building", .solids = {}, .way = walk.way()};
+  Scene scene{.name = "building", .solids = {}, .path = walk.path()};
   scene.hand = 1 + static_cast<std::uint64_t>(options.recording);
   for (int storey = 0; storey < options.floors; ++storey) {
     add(scene.solids, corridor(plan, storey), {{0, Plan::height(storey), 0}});

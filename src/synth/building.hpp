@@ -5,7 +5,7 @@
 #pragma once
 #include <string_view>
 
-#include "cairn/scene.hpp"
+#include "cairn/synthetic/scene.hpp"
 
 namespace cairn {
 
@@ -13,10 +13,10 @@ struct BuildingOptions {
   int floors = 3;
   int rooms = 40;      // in all storeys together
   int recording = 0;   // index: determines path, open doors and hand motion
-  double metres = 30;  // length of the path
+  double meters = 30;  // length of the path
 };
 
-/// Parses `floors=3&rooms=40&recording=0&metres=30` or a part of it. Throws std::runtime_error with the invalid entry.
+/// Parses `floors=3&rooms=40&recording=0&meters=30` or a part of it. Throws std::runtime_error with the invalid entry.
 [[nodiscard]] BuildingOptions building_options(std::string_view query);
 
 /// Building in the state of one recording. All recordings have the same world frame: x along the corridors, 0 at their

@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kColourNoise = 2.0f;  // gray levels
+constexpr float kColorNoise = 2.0f;  // gray levels
 
 /// Sums of uniform numbers: approximately normal, and unlike std::normal_distribution the same bits with every standard
 /// library.
@@ -78,12 +78,12 @@ float brightness(std::uint32_t rgb) {
 
 /// Khoshelham & Elberink 2012; Handa et al. 2014, sec. IV.
 void structured_light(SceneImages& images, const Grid& grid, const Camera& camera, Normal& normal) {
-  constexpr float kBaseline = 0.075f;         // meters
-  constexpr float kLateral = 0.5f;            // pixels, standard deviation
-  constexpr float kDisparityNoise = 0.08f;    // pixels, standard deviation
-  constexpr float kDisparityStep = 0.125f;    // pixels
-  constexpr float kGrazing = 0.15f;           // cosine
-  constexpr float kNear = 0.4f, kFar = 5.0f;  // meters
+  constexpr float kBaseline = 0.075f;                  // meters
+  constexpr float kLateral = 0.5f;                     // pixels, standard deviation
+  constexpr float kDisparityNoise = 0.08f;             // pixels, standard deviation
+  constexpr float kDisparityStep = 0.125f;             // pixels
+  constexpr float kGrazing = 0.15f;                    // cosine
+  constexpr float kMinDepth = 0.4f, kMaxDepth = 5.0f;  // meters
   const float bf = kBaseline * static_cast<float>(camera.fx);
   std::vector<float> noisy(images.depth.size(), 0.0f);
   grid.for_each([&](int x, int y, std::size_t i) {
@@ -91,7 +91,7 @@ void structured_light(SceneImages& images, const Grid& grid, const Camera& camer
     const int sy = static_cast<int>(std::lround(static_cast<float>(y) + kLateral * normal()));
     const std::size_t at = grid.at(sx, sy);
     const float z = images.depth[at], noise = kDisparityNoise * normal();
-    if (z < kNear || z > kFar || images.cosine[at] < kGrazing) return;
+    if (z < kMinDepth || z > kMaxDepth || images.cosine[at] < kGrazing) return;
     const float disparity = std::round((bf / z + noise) / kDisparityStep) * kDisparityStep;
     noisy[i] = bf / disparity;
   });
@@ -101,21 +101,21 @@ void structured_light(SceneImages& images, const Grid& grid, const Camera& camer
 /// Azure Kinect, narrow view without binning (Toelgyessy et al. 2021): noise by returned light, an error periodic in
 /// the distance, mixed pixels at edges, millimeters.
 void time_of_flight(SceneImages& images, const Grid& grid, Normal& normal) {
-  constexpr float kNear = 0.5f, kFar = 5.4f;             // meters
-  constexpr float kLeast = 0.0008f, kByLight = 0.0007f;  // meters
-  constexpr float kSwing = 0.0015f, kPeriod = 0.75f;     // meters
-  constexpr float kDarkest = 0.012f;                     // light below which there is no measurement
-  constexpr float kEdge = 0.08f, kMixed = 0.5f;          // meters; share of the edge's pixels
+  constexpr float kMinDepth = 0.5f, kMaxDepth = 5.4f;       // meters
+  constexpr float kMinNoise = 0.0008f, kByLight = 0.0007f;  // meters
+  constexpr float kSwing = 0.0015f, kPeriod = 0.75f;        // meters
+  constexpr float kMinLight = 0.012f;                       // light below which there is no measurement
+  constexpr float kEdge = 0.08f, kMixed = 0.5f;             // meters; share of the edge's pixels
   std::vector<float> noisy(images.depth.size(), 0.0f);
   grid.for_each([&](int x, int y, std::size_t i) {
     float z = images.depth[i];
-    const float albedo = 0.25f + 0.75f * brightness(images.colour[i]);
+    const float albedo = 0.25f + 0.75f * brightness(images.color[i]);
     const float light = albedo * std::max(images.cosine[i], 0.0f) / std::max(z * z, 0.01f);
     const float noise = normal(), beside = images.depth[grid.at(x + 1, y)], mixing = normal.uniform(),
                 share = normal.uniform();
-    if (z < kNear || z > kFar || light < kDarkest) return;
+    if (z < kMinDepth || z > kMaxDepth || light < kMinLight) return;
     if (std::abs(beside - z) > kEdge && beside > 0 && mixing < kMixed) z += share * (beside - z);
-    z += (kLeast + kByLight / std::sqrt(light) * std::max(z - 0.5f, 0.2f) * 0.5f) * noise +
+    z += (kMinNoise + kByLight / std::sqrt(light) * std::max(z - 0.5f, 0.2f) * 0.5f) * noise +
          kSwing * std::sin(6.2831853f * z / kPeriod);
     noisy[i] = std::round(z * 1000) / 1000;
   });
@@ -125,12 +125,12 @@ void time_of_flight(SceneImages& images, const Grid& grid, Normal& normal) {
 /// RealSense D4xx: disparity with spatially correlated noise, edges off by a pixel or two, holes at bare walls,
 /// millimeters.
 void stereo(SceneImages& images, const Grid& grid, const Camera& camera, Normal& normal) {
-  constexpr float kBaseline = 0.05f;                   // meters
-  constexpr float kShared = 0.06f, kOwn = 0.03f;       // pixels of disparity, standard deviation
-  constexpr int kPatch = 5, kHole = 24;                // pixels
-  constexpr float kStep = 1.0f / 32, kLateral = 0.7f;  // pixels
-  constexpr float kNear = 0.3f, kFar = 6.0f;           // meters
-  constexpr float kBare = 0.012f, kHoles = 0.8f;       // brightness; standard deviations
+  constexpr float kBaseline = 0.05f;                    // meters
+  constexpr float kShared = 0.06f, kOwn = 0.03f;        // pixels of disparity, standard deviation
+  constexpr int kPatch = 5, kHole = 24;                 // pixels
+  constexpr float kStep = 1.0f / 32, kLateral = 0.7f;   // pixels
+  constexpr float kMinDepth = 0.3f, kMaxDepth = 6.0f;   // meters
+  constexpr float kMinTexture = 0.012f, kHoles = 0.8f;  // brightness; standard deviations
   const float bf = kBaseline * static_cast<float>(camera.fx);
   const Patches shared(grid, kPatch, normal), holes(grid, kHole, normal), aside(grid, kPatch, normal);
   std::vector<float> noisy(images.depth.size(), 0.0f);
@@ -138,10 +138,10 @@ void stereo(SceneImages& images, const Grid& grid, const Camera& camera, Normal&
     const int sx = static_cast<int>(std::lround(static_cast<float>(x) + kLateral * aside(x, y)));
     const std::size_t at = grid.at(sx, y);
     const float z = images.depth[at], noise = kShared * 1.5f * shared(x, y) + kOwn * normal();
-    const float texture = std::abs(brightness(images.colour[grid.at(x + 2, y)]) - brightness(images.colour[i])) +
-                          std::abs(brightness(images.colour[grid.at(x - 2, y)]) - brightness(images.colour[i]));
-    if (z < kNear || z > kFar || images.cosine[at] < 0.1f) return;
-    if (texture < kBare && holes(x, y) > kHoles) return;
+    const float texture = std::abs(brightness(images.color[grid.at(x + 2, y)]) - brightness(images.color[i])) +
+                          std::abs(brightness(images.color[grid.at(x - 2, y)]) - brightness(images.color[i]));
+    if (z < kMinDepth || z > kMaxDepth || images.cosine[at] < 0.1f) return;
+    if (texture < kMinTexture && holes(x, y) > kHoles) return;
     const float measured = bf / (std::round((bf / z + noise) / kStep) * kStep);
     if (measured > 0 && measured < 20) noisy[i] = std::round(measured * 1000) / 1000;
   });
@@ -150,37 +150,37 @@ void stereo(SceneImages& images, const Grid& grid, const Camera& camera, Normal&
 
 /// iPhone: few laser points spread over the image, smooth across edges, flattened beyond 2.5 m; with confidence.
 void phone_lidar(SceneImages& images, const Grid& grid, Normal& normal) {
-  constexpr float kNear = 0.2f, kFar = 5.0f, kFlat = 2.5f;  // meters
-  constexpr int kPatch = 8;                                 // pixels
-  constexpr float kShared = 0.003f, kOwn = 0.001f;          // of the depth
-  constexpr float kEdge = 0.04f, kDoubt = 0.3f;             // of the depth; cosine
+  constexpr float kMinDepth = 0.2f, kMaxDepth = 5.0f, kFlat = 2.5f;  // meters
+  constexpr int kPatch = 8;                                          // pixels
+  constexpr float kShared = 0.003f, kOwn = 0.001f;                   // of the depth
+  constexpr float kEdge = 0.04f, kDoubt = 0.3f;                      // of the depth; cosine
   const Patches shared(grid, kPatch, normal);
   std::vector<float> noisy(images.depth.size(), 0.0f);
   images.confidence.assign(images.depth.size(), 0);
   grid.for_each([&](int x, int y, std::size_t i) {
     const float z = images.depth[i], own = normal();
-    if (z < kNear || z > kFar) return;
+    if (z < kMinDepth || z > kMaxDepth) return;
     const int reach = z > kFlat ? 3 : 1;
-    float sum = 0, least = z, most = z;
+    float sum = 0, min_depth = z, max_depth = z;
     int count = 0;
     for (int v = -reach; v <= reach; ++v)
       for (int u = -reach; u <= reach; ++u) {
         const float other = images.depth[grid.at(x + u, y + v)];
         if (other <= 0) continue;
         sum += 1 / other, ++count;
-        least = std::min(least, other), most = std::max(most, other);
+        min_depth = std::min(min_depth, other), max_depth = std::max(max_depth, other);
       }
     const float smooth = static_cast<float>(count) / sum;
     noisy[i] = std::round(smooth * (1 + kShared * 1.5f * shared(x, y) + kOwn * own) * 1000) / 1000;
-    const bool edge = most - least > kEdge * z * static_cast<float>(reach) / std::max(images.cosine[i], 0.2f);
+    const bool edge = max_depth - min_depth > kEdge * z * static_cast<float>(reach) / std::max(images.cosine[i], 0.2f);
     images.confidence[i] = edge ? 0 : z > kFlat || images.cosine[i] < kDoubt ? 128 : 255;
   });
   images.depth = std::move(noisy);
 }
 
-void grain(std::vector<std::uint32_t>& colour, Normal& normal) {
-  for (auto& pixel : colour) {
-    const float grain = kColourNoise * normal();
+void grain(std::vector<std::uint32_t>& color, Normal& normal) {
+  for (auto& pixel : color) {
+    const float grain = kColorNoise * normal();
     std::uint32_t out = 0xff000000u;
     for (int shift = 0; shift < 24; shift += 8)
       out |= static_cast<std::uint32_t>(std::clamp(static_cast<float>((pixel >> shift) & 0xff) + grain, 0.0f, 255.0f))
@@ -194,11 +194,11 @@ void grain(std::vector<std::uint32_t>& colour, Normal& normal) {
 void check_noise(std::string_view kind) {
   for (const std::string_view known : {"kinect", "tof", "stereo", "lidar", "none"})
     if (kind == known) return;
-  throw std::runtime_error(fmt::format("there is no noise '{}'; there are kinect, tof, stereo, lidar, none", kind));
+  throw std::runtime_error(fmt::format("unknown noise '{}': choose kinect, tof, stereo, lidar or none", kind));
 }
 
 void add_noise(SceneImages& images, const Camera& camera, std::string_view kind, std::uint64_t seed, int frame,
-               std::vector<std::uint32_t>* colour) {
+               std::vector<std::uint32_t>* color) {
   check_noise(kind);
   if (kind == "none") return;
   Normal normal(seed, frame);
@@ -211,7 +211,7 @@ void add_noise(SceneImages& images, const Camera& camera, std::string_view kind,
     stereo(images, grid, camera, normal);
   else
     phone_lidar(images, grid, normal);
-  grain(colour != nullptr ? *colour : images.colour, normal);
+  grain(color != nullptr ? *color : images.color, normal);
 }
 
 }  // namespace cairn

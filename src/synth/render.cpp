@@ -16,14 +16,14 @@ float reach(const Scene::Solid& s) {
 }
 
 shader::Solid to_shader(const Scene::Solid& s) {
-  return {.centre = s.centre,
+  return {.center = s.center,
           .half_size = s.half_size,
           .heading = {std::cos(s.yaw), std::sin(s.yaw)},
           .reach = reach(s),
           .shape = static_cast<std::uint32_t>(s.shape),
           .pattern = static_cast<std::uint32_t>(s.pattern),
           .scale = s.scale,
-          .colour = s.colour,
+          .color = s.color,
           .second = s.second};
 }
 
@@ -32,24 +32,24 @@ class View {
  public:
   View(const Camera& camera, const Eigen::Isometry3d& world_from_camera)
       : from_(world_from_camera.translation()), axis_(world_from_camera.linear().col(2)) {
-    constexpr double kBent = 0.1;  // radians of a lens beyond its corners, at most
+    constexpr double kLensMargin = 0.1;  // radians of a lens beyond its corners, at most
     for (const double x : {0.0, camera.width - 1.0})
       for (const double y : {0.0, camera.height - 1.0}) {
         const Eigen::Vector2d corner = camera.distorted() ? camera.undistorted_ray(x, y) : camera.ray(x, y).head<2>();
         angle_ = std::max(angle_, std::atan(corner.norm()));
       }
-    angle_ += camera.distorted() ? kBent : 1e-3;
+    angle_ += camera.distorted() ? kLensMargin : 1e-3;
   }
   [[nodiscard]] bool reaches(const Scene::Solid& s) const {
-    const Eigen::Vector3d to = s.centre.cast<double>() - from_;
+    const Eigen::Vector3d to = s.center.cast<double>() - from_;
     const double distance = to.norm(), size = reach(s);
     if (distance <= size) return true;
-    if (distance > kFarthest + size) return false;
+    if (distance > kMaxDistance + size) return false;
     return std::acos(std::clamp(to.dot(axis_) / distance, -1.0, 1.0)) <= angle_ + std::asin(size / distance);
   }
 
  private:
-  static constexpr double kFarthest = 180;  // meters: 100 along the axis, at 55 degrees beside it
+  static constexpr double kMaxDistance = 180;  // meters: 100 along the axis, at 55 degrees beside it
   Eigen::Vector3d from_, axis_;
   double angle_ = 0;
 };
@@ -63,7 +63,7 @@ SceneRenderer::SceneRenderer(gpu::Device& device, const Scene& scene, const Came
       solids_(device, scene.solids.size() * sizeof(shader::Solid)),
       depth_(device, std::uint64_t{4} * static_cast<std::uint64_t>(camera.width * camera.height)),
       cosine_(device, depth_.size()),
-      colour_(device, depth_.size()),
+      color_(device, depth_.size()),
       rays_(device, camera.distorted() ? 2 * depth_.size() : 8),
       rows_(device, camera.readout > 0 ? static_cast<std::uint64_t>(camera.height) * sizeof(shader::Rigid)
                                        : sizeof(shader::Rigid)),
@@ -95,7 +95,7 @@ SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double second
   const auto pixels = static_cast<std::size_t>(camera_.width * camera_.height);
   SceneImages images{.depth = std::vector<float>(pixels),
                      .cosine = std::vector<float>(pixels),
-                     .colour = std::vector<std::uint32_t>(pixels),
+                     .color = std::vector<std::uint32_t>(pixels),
                      .confidence = {}};
   const shader::Pinhole camera = shader::pinhole(camera_);
   gpu::Batch batch(device_);
@@ -113,10 +113,10 @@ SceneImages SceneRenderer::render(const PoseAt& world_from_camera, double second
            .solids = solids,
            .is_bent = camera_.distorted(),
            .is_rolling = camera_.readout > 0},
-          {&solids_, &depth_, &cosine_, &colour_, &rays_, &rows_});
+          {&solids_, &depth_, &cosine_, &color_, &rays_, &rows_});
   batch.download(depth_, images.depth);
   batch.download(cosine_, images.cosine);
-  batch.download(colour_, images.colour);
+  batch.download(color_, images.color);
   batch.run();
   return images;
 }
@@ -131,11 +131,11 @@ SceneCamera::SceneCamera(const Scene& scene, const Camera& camera, int device)
     : state_(std::make_unique<State>(scene, camera, device)) {}
 SceneCamera::~SceneCamera() = default;
 
-SceneImages SceneCamera::look(const Eigen::Isometry3d& world_from_camera, double seconds) {
+SceneImages SceneCamera::render(const Eigen::Isometry3d& world_from_camera, double seconds) {
   return state_->renderer.render(world_from_camera, seconds);
 }
 
-SceneImages SceneCamera::look(const PoseAt& world_from_camera, double seconds) {
+SceneImages SceneCamera::render(const PoseAt& world_from_camera, double seconds) {
   return state_->renderer.render(world_from_camera, seconds);
 }
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "cairn/frame.hpp"
-#include "cairn/synthetic.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/synthetic/synthetic.hpp"
 #include "gpu/kernel.hpp"
 #include "shaders/scene.h"
 
@@ -26,7 +26,7 @@ class SceneRenderer {
   gpu::Device& device_;
   Scene scene_;
   Camera camera_;
-  gpu::Buffer solids_, depth_, cosine_, colour_;
+  gpu::Buffer solids_, depth_, cosine_, color_;
   gpu::Buffer rays_;  // of a camera with distortion
   gpu::Buffer rows_;  // world_from_camera by row of a rolling shutter
   gpu::Kernel<shader::SceneRenderPush> render_;

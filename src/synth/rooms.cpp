@@ -22,12 +22,8 @@ std::vector<Eigen::Vector3d> level(const std::vector<Eigen::Vector2d>& points) {
   return level;
 }
 
-}  // namespace
-
-std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-size): a list of furniture
-  const Vector3f wood(0.62f, 0.42f, 0.24f), dark(0.40f, 0.25f, 0.13f), white(0.85f, 0.84f, 0.80f),
-      grey(0.5f, 0.5f, 0.52f);
-  std::vector<Scene::Solid> s;
+/// Walls, floor and rug.
+void add_walls(std::vector<Scene::Solid>& s) {
   s.push_back({Shape::hollow,
                {0, 0, 0},
                {2.7f, 1.3f, 2.3f},
@@ -36,18 +32,22 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                0.4f,
                {0.78f, 0.76f, 0.66f},
                {0.55f, 0.5f, 0.45f}});
-  s.push_back(
-      standing(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f}, {0.82f, 0.68f, 0.45f}));
-  // desk with a screen, books, a lamp and a mug
-  s.push_back(standing(0.2f, 1.85f, {1.6f, 0.05f, 0.75f}, 0.70f, Pattern::wood, 0.25f, wood, dark));
+  s.push_back(box_on_floor(0, 0, {3.2f, 0.012f, 2.4f}, 0, Pattern::checker, 0.22f, {0.62f, 0.2f, 0.18f},
+                           {0.82f, 0.68f, 0.45f}));
+}
+
+/// Desk with a screen, books, a lamp and a mug.
+void add_desk(std::vector<Scene::Solid>& s) {
+  s.push_back(box_on_floor(0.2f, 1.85f, {1.6f, 0.05f, 0.75f}, 0.70f, Pattern::wood, 0.25f, kWood, kDark));
   for (const float x : {-0.52f, 0.92f})
     for (const float z : {1.55f, 2.15f})
-      s.push_back(standing(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, dark, wood));
-  s.push_back(standing(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f},
-                       {0.1f, 0.6f, 0.5f}));
-  s.push_back(standing(0.15f, 2.02f, {0.24f, 0.13f, 0.18f}, 0.75f, Pattern::plain, 0.1f, {0.25f, 0.25f, 0.27f}, grey));
+      s.push_back(box_on_floor(x, z, {0.07f, 0.70f, 0.07f}, 0, Pattern::wood, 0.2f, kDark, kWood));
+  s.push_back(box_on_floor(0.15f, 2.05f, {0.62f, 0.38f, 0.05f}, 0.87f, Pattern::patches, 0.09f, {0.2f, 0.4f, 0.7f},
+                           {0.1f, 0.6f, 0.5f}));
   s.push_back(
-      standing(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f}, white, 0.4f));
+      box_on_floor(0.15f, 2.02f, {0.24f, 0.13f, 0.18f}, 0.75f, Pattern::plain, 0.1f, {0.25f, 0.25f, 0.27f}, kGray));
+  s.push_back(box_on_floor(0.75f, 1.85f, {0.24f, 0.16f, 0.30f}, 0.75f, Pattern::patches, 0.045f, {0.7f, 0.2f, 0.2f},
+                           kWhite, 0.4f));
   s.push_back({Shape::cylinder,
                {-0.35f, 0.49f, 1.75f},
                {0.045f, 0.055f, 0},
@@ -55,7 +55,7 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                Pattern::checker,
                0.03f,
                {0.85f, 0.3f, 0.2f},
-               white});
+               kWhite});
   s.push_back({Shape::sphere,
                {-0.42f, 0.43f, 2.03f},
                {0.12f, 0, 0},
@@ -64,43 +64,55 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                0.06f,
                {0.9f, 0.75f, 0.3f},
                {0.6f, 0.4f, 0.2f}});
-  // chair
-  s.push_back(standing(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f},
-                       {0.8f, 0.8f, 0.7f}, 0.3f));
-  s.push_back(standing(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f},
-                       {0.8f, 0.8f, 0.7f}, 0.3f));
-  s.push_back({Shape::cylinder, {0.2f, 1.09f, 1.15f}, {0.05f, 0.21f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
-  s.push_back({Shape::cylinder, {0.2f, 1.275f, 1.15f}, {0.25f, 0.025f, 0}, 0, Pattern::plain, 0.1f, grey, grey});
-  // shelf on the right with books
-  s.push_back(standing(2.55f, 0.6f, {0.03f, 1.9f, 1.5f}, 0, Pattern::wood, 0.3f, dark, wood));
+}
+
+/// Chair.
+void add_chair(std::vector<Scene::Solid>& s) {
+  s.push_back(box_on_floor(0.2f, 1.15f, {0.45f, 0.06f, 0.45f}, 0.42f, Pattern::checker, 0.06f, {0.2f, 0.45f, 0.35f},
+                           {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back(box_on_floor(0.14f, 0.95f, {0.45f, 0.45f, 0.05f}, 0.50f, Pattern::tiles, 0.09f, {0.2f, 0.45f, 0.35f},
+                           {0.8f, 0.8f, 0.7f}, 0.3f));
+  s.push_back({Shape::cylinder, {0.2f, 1.09f, 1.15f}, {0.05f, 0.21f, 0}, 0, Pattern::plain, 0.1f, kGray, kGray});
+  s.push_back({Shape::cylinder, {0.2f, 1.275f, 1.15f}, {0.25f, 0.025f, 0}, 0, Pattern::plain, 0.1f, kGray, kGray});
+}
+
+/// Shelf on the right, with books.
+void add_shelf(std::vector<Scene::Solid>& s) {
+  s.push_back(box_on_floor(2.55f, 0.6f, {0.03f, 1.9f, 1.5f}, 0, Pattern::wood, 0.3f, kDark, kWood));
   for (int i = 0; i < 5; ++i)
-    s.push_back(standing(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood, 0.3f,
-                         wood, dark));
+    s.push_back(box_on_floor(2.42f, 0.6f, {0.33f, 0.04f, 1.5f}, 0.05f + 0.45f * static_cast<float>(i), Pattern::wood,
+                             0.3f, kWood, kDark));
   for (int i = 0; i < 4; ++i)
     for (int k = 0; k < 3; ++k)
-      s.push_back(standing(2.43f - 0.02f * static_cast<float>((i + k) % 3), 0.12f + 0.45f * static_cast<float>(k),
-                           {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3),
-                            0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
-                           0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f},
-                           {0.2f, 0.3f, 0.6f}));
-  // sofa at the back with cushions
-  s.push_back(standing(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
-                       {0.35f, 0.45f, 0.7f}));
-  s.push_back(standing(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
-                       {0.35f, 0.45f, 0.7f}));
+      s.push_back(box_on_floor(2.43f - 0.02f * static_cast<float>((i + k) % 3), 0.12f + 0.45f * static_cast<float>(k),
+                               {0.24f, 0.24f + 0.04f * static_cast<float>((2 * i + k) % 3),
+                                0.28f + 0.05f * static_cast<float>((i + 2 * k) % 3)},
+                               0.09f + 0.45f * static_cast<float>(i), Pattern::patches, 0.05f, {0.6f, 0.3f, 0.2f},
+                               {0.2f, 0.3f, 0.6f}));
+}
+
+/// Sofa at the back, with cushions.
+void add_sofa(std::vector<Scene::Solid>& s) {
+  s.push_back(box_on_floor(-0.3f, -1.8f, {2.0f, 0.42f, 0.85f}, 0, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
+                           {0.35f, 0.45f, 0.7f}));
+  s.push_back(box_on_floor(-0.3f, -2.12f, {2.0f, 0.45f, 0.22f}, 0.42f, Pattern::checker, 0.12f, {0.25f, 0.35f, 0.6f},
+                           {0.35f, 0.45f, 0.7f}));
   for (const float x : {-1.38f, 0.78f})
-    s.push_back(standing(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f},
-                         {0.35f, 0.45f, 0.7f}));
+    s.push_back(box_on_floor(x, -1.8f, {0.18f, 0.62f, 0.85f}, 0, Pattern::checker, 0.12f, {0.22f, 0.3f, 0.55f},
+                             {0.35f, 0.45f, 0.7f}));
   s.push_back(
-      {Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, white});
+      {Shape::sphere, {-0.9f, 0.74f, -1.85f}, {0.2f, 0, 0}, 0, Pattern::tiles, 0.1f, {0.85f, 0.55f, 0.2f}, kWhite});
   s.push_back(
-      {Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, white});
-  // cupboard on the left, a box and a plant in front of it
-  s.push_back(standing(-2.42f, 0.5f, {0.5f, 0.95f, 1.3f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, wood));
+      {Shape::sphere, {0.4f, 0.76f, -1.9f}, {0.18f, 0, 0}, 0, Pattern::checker, 0.07f, {0.7f, 0.2f, 0.3f}, kWhite});
+}
+
+/// Cupboard on the left, with a box and a plant in front of it.
+void add_cupboard(std::vector<Scene::Solid>& s) {
+  s.push_back(box_on_floor(-2.42f, 0.5f, {0.5f, 0.95f, 1.3f}, 0, Pattern::wood, 0.35f, {0.75f, 0.6f, 0.4f}, kWood));
+  s.push_back(box_on_floor(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f},
+                           kWhite, 0.5f));
   s.push_back(
-      standing(-2.42f, 0.25f, {0.35f, 0.3f, 0.4f}, 0.95f, Pattern::patches, 0.07f, {0.3f, 0.55f, 0.3f}, white, 0.5f));
-  s.push_back(
-      {Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, white});
+      {Shape::cylinder, {-2.4f, 0.2f, 0.85f}, {0.12f, 0.15f, 0}, 0, Pattern::tiles, 0.06f, {0.7f, 0.4f, 0.3f}, kWhite});
   s.push_back({Shape::sphere,
                {-2.4f, -0.1f, 0.85f},
                {0.24f, 0, 0},
@@ -109,10 +121,16 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                0.05f,
                {0.1f, 0.5f, 0.15f},
                {0.3f, 0.6f, 0.2f}});
-  s.push_back(standing(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f},
-                       {0.5f, 0.3f, 0.2f}, 0.6f));
-  s.push_back(
-      {Shape::cylinder, {2.1f, 0.95f, -1.6f}, {0.28f, 0.35f, 0}, 0, Pattern::tiles, 0.12f, {0.5f, 0.6f, 0.65f}, white});
+  s.push_back(box_on_floor(-2.1f, -1.3f, {0.6f, 0.55f, 0.5f}, 0, Pattern::patches, 0.11f, {0.75f, 0.6f, 0.4f},
+                           {0.5f, 0.3f, 0.2f}, 0.6f));
+  s.push_back({Shape::cylinder,
+               {2.1f, 0.95f, -1.6f},
+               {0.28f, 0.35f, 0},
+               0,
+               Pattern::tiles,
+               0.12f,
+               {0.5f, 0.6f, 0.65f},
+               kWhite});
   s.push_back({Shape::sphere,
                {2.1f, 0.38f, -1.6f},
                {0.22f, 0, 0},
@@ -121,7 +139,10 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                0.08f,
                {0.85f, 0.8f, 0.3f},
                {0.3f, 0.3f, 0.3f}});
-  // pictures and a door
+}
+
+/// Pictures, a door and a window.
+void add_pictures(std::vector<Scene::Solid>& s) {
   s.push_back({Shape::box,
                {-1.2f, -0.35f, 2.28f},
                {0.45f, 0.32f, 0.03f},
@@ -153,11 +174,20 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                Pattern::wood,
                0.5f,
                {0.65f, 0.55f, 0.42f},
-               dark});
-  s.push_back(
-      {Shape::box, {2.68f, -0.2f, -0.9f}, {0.03f, 0.45f, 0.5f}, 0, Pattern::tiles, 0.25f, {0.55f, 0.75f, 0.9f}, white});
-  // ceiling lamp and a beam
-  s.push_back({Shape::box, {0, -1.25f, 0.4f}, {2.7f, 0.06f, 0.09f}, 0, Pattern::wood, 0.3f, dark, wood});
+               kDark});
+  s.push_back({Shape::box,
+               {2.68f, -0.2f, -0.9f},
+               {0.03f, 0.45f, 0.5f},
+               0,
+               Pattern::tiles,
+               0.25f,
+               {0.55f, 0.75f, 0.9f},
+               kWhite});
+}
+
+/// Ceiling lamp and a beam.
+void add_lamp(std::vector<Scene::Solid>& s) {
+  s.push_back({Shape::box, {0, -1.25f, 0.4f}, {2.7f, 0.06f, 0.09f}, 0, Pattern::wood, 0.3f, kDark, kWood});
   s.push_back({Shape::cylinder,
                {0, -1.12f, -0.5f},
                {0.28f, 0.1f, 0},
@@ -166,6 +196,20 @@ std::vector<Scene::Solid> furnished_room() {  // NOLINT(readability-function-siz
                0.1f,
                {0.95f, 0.9f, 0.7f},
                {0.8f, 0.6f, 0.3f}});
+}
+
+}  // namespace
+
+std::vector<Scene::Solid> furnished_room() {
+  std::vector<Scene::Solid> s;
+  add_walls(s);
+  add_desk(s);
+  add_chair(s);
+  add_shelf(s);
+  add_sofa(s);
+  add_cupboard(s);
+  add_pictures(s);
+  add_lamp(s);
   return s;
 }
 
@@ -192,39 +236,40 @@ std::vector<Scene::Solid> flat() {
   add_picture(s, {-1.0f, -0.3f, -3.68f}, {0.4f, 0.3f, 0.03f}, 0.1f, red);
   add_picture(s, {-1.2f, -0.2f, -0.06f}, {0.45f, 0.35f, 0.03f}, 0.09f, green);
   add_column(s, -0.5f, -3.3f, 0.22f, 0.8f, blue);
-  s.push_back(standing(-2.3f, -1.7f, {1.4f, 0.012f, 1.2f}, 0, Pattern::checker, 0.2f, red, kWhite));
+  s.push_back(box_on_floor(-2.3f, -1.7f, {1.4f, 0.012f, 1.2f}, 0, Pattern::checker, 0.2f, red, kWhite));
   // second: x < 0, z > 0
-  s.push_back(standing(-3.5f, 3.1f, {1.2f, 0.45f, 1.0f}, 0, Pattern::checker, 0.12f, blue, {0.35f, 0.45f, 0.7f}));
+  s.push_back(box_on_floor(-3.5f, 3.1f, {1.2f, 0.45f, 1.0f}, 0, Pattern::checker, 0.12f, blue, {0.35f, 0.45f, 0.7f}));
   add_ball(s, {-3.6f, 0.68f, 3.2f}, 0.18f, red);
   add_shelf(s, -1.9f, 3.52f, true, blue);
-  s.push_back(standing(-0.3f, 0.55f, {0.45f, 1.5f, 0.7f}, 0, Pattern::wood, 0.35f, kWood, kDark));
+  s.push_back(box_on_floor(-0.3f, 0.55f, {0.45f, 1.5f, 0.7f}, 0, Pattern::wood, 0.35f, kWood, kDark));
   add_picture(s, {-4.18f, -0.3f, 1.3f}, {0.03f, 0.4f, 0.55f}, 0.11f, ochre);
   add_picture(s, {-0.06f, -0.3f, 3.2f}, {0.03f, 0.25f, 0.3f}, 0.07f, green);
   add_column(s, -3.7f, 0.5f, 0.2f, 1.2f, green);
-  s.push_back(standing(-2.2f, 1.7f, {1.6f, 0.012f, 1.3f}, 0, Pattern::tiles, 0.25f, green, ochre));
+  s.push_back(box_on_floor(-2.2f, 1.7f, {1.6f, 0.012f, 1.3f}, 0, Pattern::tiles, 0.25f, green, ochre));
   // third: x > 0, z > 0
   add_table(s, 1.6f, 1.2f, 0.9f, 0.8f, green);
-  s.push_back(standing(3.9f, 2.9f, {0.55f, 0.9f, 1.4f}, 0, Pattern::patches, 0.2f, kWhite, kGrey));
-  s.push_back(standing(1.2f, 3.4f, {1.6f, 0.85f, 0.55f}, 0, Pattern::wood, 0.4f, {0.75f, 0.6f, 0.4f}, kWood));
+  s.push_back(box_on_floor(3.9f, 2.9f, {0.55f, 0.9f, 1.4f}, 0, Pattern::patches, 0.2f, kWhite, kGray));
+  s.push_back(box_on_floor(1.2f, 3.4f, {1.6f, 0.85f, 0.55f}, 0, Pattern::wood, 0.4f, {0.75f, 0.6f, 0.4f}, kWood));
   add_column(s, 1.0f, 3.4f, 0.1f, 1.15f, red);
   add_ball(s, {1.6f, 0.3f, 3.35f}, 0.15f, ochre);
   add_picture(s, {2.9f, -0.35f, 3.68f}, {0.5f, 0.35f, 0.03f}, 0.12f, blue);
   add_picture(s, {4.18f, -0.3f, 1.0f}, {0.03f, 0.35f, 0.4f}, 0.08f, red);
   add_picture(s, {1.1f, -0.3f, 0.06f}, {0.45f, 0.3f, 0.03f}, 0.1f, ochre);
   // fourth: x > 0, z < 0
-  s.push_back(standing(3.5f, -3.2f, {1.3f, 0.42f, 0.85f}, 0, Pattern::checker, 0.1f, red, {0.5f, 0.15f, 0.15f}));
-  s.push_back(standing(3.5f, -3.52f, {1.3f, 0.45f, 0.2f}, 0.42f, Pattern::checker, 0.1f, red, {0.5f, 0.15f, 0.15f}));
+  s.push_back(box_on_floor(3.5f, -3.2f, {1.3f, 0.42f, 0.85f}, 0, Pattern::checker, 0.1f, red, {0.5f, 0.15f, 0.15f}));
+  s.push_back(
+      box_on_floor(3.5f, -3.52f, {1.3f, 0.45f, 0.2f}, 0.42f, Pattern::checker, 0.1f, red, {0.5f, 0.15f, 0.15f}));
   add_shelf(s, 1.5f, -0.25f, true, red);
   add_ball(s, {0.5f, 1.08f, -0.6f}, 0.22f, green);
   add_column(s, 3.75f, -0.55f, 0.3f, 0.75f, ochre);
   add_ball(s, {3.75f, 0.3f, -0.55f}, 0.22f, green);
   add_picture(s, {4.18f, -0.3f, -1.9f}, {0.03f, 0.4f, 0.6f}, 0.13f, green);
   add_picture(s, {1.5f, -0.35f, -3.68f}, {0.6f, 0.35f, 0.03f}, 0.1f, blue);
-  s.push_back(standing(2.2f, -1.9f, {1.5f, 0.012f, 1.1f}, 0, Pattern::checker, 0.17f, blue, ochre));
+  s.push_back(box_on_floor(2.2f, -1.9f, {1.5f, 0.012f, 1.1f}, 0, Pattern::checker, 0.17f, blue, ochre));
   return s;
 }
 
-std::vector<Eigen::Vector3d> way_through_flat() {
+std::vector<Eigen::Vector3d> path_through_flat() {
   return smooth(level({{-0.9, -1.6}, {-1.2, -2.3}, {-2.2, -2.4}, {-3.1, -1.9}, {-3.0, -1.1}, {-2.6, -0.5},
                        {-2.6, 0.5},  {-3.0, 1.3},  {-2.7, 2.2},  {-1.8, 2.5},  {-0.7, 2.2},  {0.6, 2.2},
                        {1.6, 2.5},   {2.6, 2.6},   {3.1, 2.0},   {2.7, 1.2},   {2.6, 0.5},   {2.6, -0.5},
@@ -248,9 +293,9 @@ std::vector<Scene::Solid> corridor_around_a_block() {
     const int row = i / 2;
     const float along = -3.6f + 0.9f * static_cast<float>(row), side = i % 2 == 0 ? -0.98f : 6.98f;
     const float height = 0.5f + 0.37f * static_cast<float>(i * 7 % 5);
-    s.push_back(standing(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0, Pattern::patches,
-                         0.08f, {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f}, {0.8f, 0.3f, 0.5f},
-                         0.3f * static_cast<float>(i)));
+    s.push_back(box_on_floor(side, along, {0.36f, height, 0.3f + 0.05f * static_cast<float>(i % 4)}, 0,
+                             Pattern::patches, 0.08f, {0.3f + 0.04f * static_cast<float>(i), 0.5f, 0.3f},
+                             {0.8f, 0.3f, 0.5f}, 0.3f * static_cast<float>(i)));
     s.push_back({Shape::cylinder,
                  {3 + along, 1.3f - height / 2, i % 2 == 0 ? -3.95f : 3.95f},
                  {0.14f, height / 2, 0},
@@ -285,21 +330,21 @@ std::vector<Scene::Solid> twin_rooms() {
   add_shelf(s, -3.75f, -0.2f, false, green);
   add_ball(s, {-0.5f, 1.05f, -1.5f}, 0.25f, blue);
   add_column(s, -3.5f, 1.5f, 0.2f, 0.9f, blue);
-  s.push_back(standing(-2.5f, -1.55f, {1.3f, 0.45f, 0.7f}, 0, Pattern::checker, 0.12f, blue, kGrey));
+  s.push_back(box_on_floor(-2.5f, -1.55f, {1.3f, 0.45f, 0.7f}, 0, Pattern::checker, 0.12f, blue, kGray));
   add_picture(s, {-2.2f, -0.3f, -1.94f}, {0.5f, 0.35f, 0.03f}, 0.1f, red);
   add_picture(s, {-1.0f, -0.3f, 1.94f}, {0.4f, 0.3f, 0.03f}, 0.09f, green);
   const std::size_t one = s.size();
   for (std::size_t i = 0; i < one; ++i) {
     Scene::Solid other = s[i];
-    other.centre.x() = -other.centre.x();
-    other.centre.z() = -other.centre.z();
+    other.center.x() = -other.center.x();
+    other.center.z() = -other.center.z();
     other.yaw += std::numbers::pi_v<float>;
     s.push_back(other);
   }
   return s;
 }
 
-std::vector<Eigen::Vector3d> way_through_twin_rooms() {
+std::vector<Eigen::Vector3d> path_through_twin_rooms() {
   const std::vector<Eigen::Vector2d> around{{-0.8, 0.0},  {-1.4, 0.7},  {-2.4, 0.7}, {-3.0, 0.2},
                                             {-2.8, -0.6}, {-1.8, -0.8}, {-0.8, 0.0}};
   std::vector<Eigen::Vector2d> through{{-1.4, -0.4}};

@@ -4,7 +4,7 @@
 #pragma once
 #include <vector>
 
-#include "cairn/scene.hpp"
+#include "cairn/synthetic/scene.hpp"
 
 namespace cairn {
 
@@ -17,11 +17,11 @@ namespace cairn {
 /// Four furnished rooms around the origin, each with doors to two others: 8.4 m x 7.4 m.
 [[nodiscard]] std::vector<Scene::Solid> flat();
 /// A loop through its doors and 4 m more, every 5 cm.
-[[nodiscard]] std::vector<Eigen::Vector3d> way_through_flat();
+[[nodiscard]] std::vector<Eigen::Vector3d> path_through_flat();
 
 /// Two rooms, identical up to a rotation by 180 degrees about the origin, with a door between them.
 [[nodiscard]] std::vector<Scene::Solid> twin_rooms();
 /// A loop in the first room, a loop in the second, and back.
-[[nodiscard]] std::vector<Eigen::Vector3d> way_through_twin_rooms();
+[[nodiscard]] std::vector<Eigen::Vector3d> path_through_twin_rooms();
 
 }  // namespace cairn

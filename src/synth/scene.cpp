@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/scene.hpp"
+#include "cairn/synthetic/scene.hpp"
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <string_view>
 
-#include "cairn/pose.hpp"
+#include "cairn/mapping/pose.hpp"
 #include "synth/building.hpp"
 #include "synth/rooms.hpp"
 
@@ -24,7 +24,7 @@ using Eigen::Vector3d;
 using Eigen::Vector3f;
 
 Vector3d local(const Scene::Solid& s, const Vector3d& p) {
-  return Eigen::AngleAxisd(s.yaw, Vector3d::UnitY()) * (p - s.centre.cast<double>());
+  return Eigen::AngleAxisd(s.yaw, Vector3d::UnitY()) * (p - s.center.cast<double>());
 }
 
 double box_distance(const Vector3d& p, const Vector3d& half) {
@@ -49,7 +49,7 @@ double solid_distance(const Scene::Solid& s, const Vector3d& point) {
   return 0;
 }
 
-Eigen::Isometry3d look(const Vector3d& from, const Vector3d& direction, double roll) {
+Eigen::Isometry3d camera_pose(const Vector3d& from, const Vector3d& direction, double roll) {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   const Vector3d z = direction.normalized(), x = Vector3d::UnitY().cross(z).normalized();
   pose.linear().col(0) = x;
@@ -106,8 +106,8 @@ void add_patch(Mesh& mesh, int columns, int rows, const Point& point) {
 
 void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(-s.yaw, Vector3d::UnitY()).toRotationMatrix();
-  const Vector3d half = s.half_size.cast<double>(), centre = s.centre.cast<double>();
-  const auto place = [&](const Vector3d& p) -> Vector3d { return centre + turn * p; };
+  const Vector3d half = s.half_size.cast<double>(), center = s.center.cast<double>();
+  const auto place = [&](const Vector3d& p) -> Vector3d { return center + turn * p; };
   const auto steps = [&](double length) { return std::max(1, static_cast<int>(std::ceil(length / spacing))); };
   constexpr double kTurn = 2 * std::numbers::pi;
   if (s.shape == Shape::box || s.shape == Shape::hollow) {
@@ -145,14 +145,33 @@ void add_solid(Mesh& mesh, const Scene::Solid& s, double spacing) {
 }
 
 /// True if a point is at least `depth` inside a static solid.
-bool lies_inside(const std::vector<Scene::Solid>& solids, const Vector3f& point, double depth) {
+bool is_inside(const std::vector<Scene::Solid>& solids, const Vector3f& point, double depth) {
   return std::any_of(solids.begin(), solids.end(), [&](const Scene::Solid& s) {
     if (s.period > 0) return false;
     // Fast rejection by a bounding ball; only a room contains points far from its center.
     const float reach = 1.01f * s.half_size.norm();
-    if (s.shape != Shape::hollow && (point - s.centre).squaredNorm() > reach * reach) return false;
+    if (s.shape != Shape::hollow && (point - s.center).squaredNorm() > reach * reach) return false;
     return solid_distance(s, point.cast<double>()) <= -depth;
   });
+}
+
+/// Person who walks to and fro in front of the desk.
+void add_mover(std::vector<Scene::Solid>& solids) {
+  const Vector3f walk(1.5f, 0, 0);
+  constexpr float kThereAndBack = 10;  // seconds: 0.9 m/s at most
+  solids.push_back({.shape = Shape::cylinder,
+                    .center = {0, 0.5f, 1.3f},
+                    .half_size = {0.17f, 0.75f, 0},
+                    .pattern = Pattern::checker,
+                    .color = {0.2f, 0.3f, 0.5f},
+                    .swing = walk,
+                    .period = kThereAndBack});
+  solids.push_back({.shape = Shape::sphere,
+                    .center = {0, -0.38f, 1.3f},
+                    .half_size = {0.13f, 0, 0},
+                    .color = {0.8f, 0.6f, 0.5f},
+                    .swing = walk,
+                    .period = kThereAndBack});
 }
 
 }  // namespace
@@ -165,16 +184,16 @@ std::vector<Scene::Solid> Scene::solids_at(double seconds) const {
   std::vector<Solid> now = solids;
   for (Solid& s : now)
     if (s.period > 0)
-      s.centre +=
+      s.center +=
           static_cast<float>(std::cos(2 * std::numbers::pi * seconds / static_cast<double>(s.period))) * s.swing;
   return now;
 }
 
 double Scene::distance(const Vector3d& point) const {
-  double least = std::numeric_limits<double>::infinity();
+  double min_distance = std::numeric_limits<double>::infinity();
   for (const Solid& s : solids)
-    if (s.period == 0) least = std::min(least, solid_distance(s, point));
-  return least;
+    if (s.period == 0) min_distance = std::min(min_distance, solid_distance(s, point));
+  return min_distance;
 }
 
 Eigen::Isometry3d Scene::world_from_camera(double t) const {
@@ -184,27 +203,28 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
   if (name == "sphere" || name == "plane") {
     const double angle = 0.5 * std::sin(0.6 * t);
     const Vector3d from(0.7 * std::sin(0.6 * t), 0.2 * std::sin(0.9 * t) + sway, 0.15 * std::sin(0.5 * t));
-    return look(from, heading(-angle * 0.6, 0.1 * std::sin(0.8 * t) + shake), roll);
+    return camera_pose(from, heading(-angle * 0.6, 0.1 * std::sin(0.8 * t) + shake), roll);
   }
   if (name == "corridor")
-    return look({0.15 * std::sin(0.7 * t), sway, 0.4 * t},
-                heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
+    return camera_pose({0.15 * std::sin(0.7 * t), sway, 0.4 * t},
+                       heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
   if (name == "loop") {
     // A loop around a square of 6 m in 48 s, with rounded corners, facing ahead and slightly outwards.
     const double angle = 2 * std::numbers::pi * t / 48;
     const double c = std::cos(angle), s = std::sin(angle);
     const double bulge = 3.0 / std::pow(std::pow(std::abs(c), 6) + std::pow(std::abs(s), 6), 1.0 / 6);
     const Vector3d from(-bulge * c + 3.0, sway, bulge * s);
-    return look(from, heading(angle - 0.35 + 0.2 * std::sin(0.9 * t), 0.12 + 0.1 * std::sin(0.6 * t) + shake), roll);
+    return camera_pose(from, heading(angle - 0.35 + 0.2 * std::sin(0.9 * t), 0.12 + 0.1 * std::sin(0.6 * t) + shake),
+                       roll);
   }
-  if (!way.empty()) {
+  if (!path.empty()) {
     constexpr double kAhead = 0.5;  // meters
-    const auto at = [&](double metres) -> Vector3d {
-      const double i = std::clamp(metres / kSpacing, 0.0, static_cast<double>(way.size()) - 1.001);
+    const auto at = [&](double meters) -> Vector3d {
+      const double i = std::clamp(meters / kSpacing, 0.0, static_cast<double>(path.size()) - 1.001);
       const auto k = static_cast<std::size_t>(i);
-      return way[k] + (i - static_cast<double>(k)) * (way[k + 1] - way[k]);
+      return path[k] + (i - static_cast<double>(k)) * (path[k + 1] - path[k]);
     };
-    const double last = kSpacing * static_cast<double>(way.size() - 1);
+    const double last = kSpacing * static_cast<double>(path.size() - 1);
     const double along = std::clamp(kSpeed * t, 0.0, last);
     const Vector3d from = at(along), ahead = at(std::min(along + kAhead, last)) - at(along - kAhead);
     // Every 7 s a glance of 80 degrees aside, alternately left and right: 0.75 s there, 0.75 s back.
@@ -216,27 +236,28 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     const double side = std::fmod(std::max(t, 0.0), 2 * kPeriod) < kPeriod ? -1 : 1;
     const double yaw = std::atan2(ahead.x(), ahead.z()) + side * kGlance * (out - back),
                  pitch = 0.2 + 0.15 * std::sin(0.6 * t);
-    if (hand == 0) return look(from + Vector3d(0, sway, 0), heading(yaw, pitch + shake), roll);
+    if (hand == 0) return camera_pose(from + Vector3d(0, sway, 0), heading(yaw, pitch + shake), roll);
     const Vector6d moved = hand_motion(hand, t);
-    return look(from + moved.tail<3>(), heading(yaw + moved[1], pitch + moved[0]), 0.06 * std::sin(1.3 * t) + moved[2]);
+    return camera_pose(from + moved.tail<3>(), heading(yaw + moved[1], pitch + moved[0]),
+                       0.06 * std::sin(1.3 * t) + moved[2]);
   }
   // Around the middle of the room, facing outwards, up and down.
   const double angle = 2 * std::numbers::pi * t / 24 + 0.15 * std::sin(1.1 * t);
   const Vector3d from(0.75 * std::sin(angle) - 0.1, 0.15 * std::sin(0.8 * t) + sway - 0.1,
                       0.55 * std::cos(angle) - 0.35);
-  return look(from, heading(angle + 0.25 * std::sin(0.9 * t), 0.28 + 0.2 * std::sin(0.7 * t) + shake), roll);
+  return camera_pose(from, heading(angle + 0.25 * std::sin(0.9 * t), 0.28 + 0.2 * std::sin(0.7 * t) + shake), roll);
 }
 
 double Scene::duration() const {
-  constexpr double kUsual = 10;  // seconds
-  return way.empty() ? kUsual : kSpacing * static_cast<double>(way.size() - 1) / kSpeed;
+  constexpr double kDefaultDuration = 10;  // seconds
+  return path.empty() ? kDefaultDuration : kSpacing * static_cast<double>(path.size() - 1) / kSpeed;
 }
 
-Scene Scene::around(const std::vector<Vector3d>& places, double metres) const {
+Scene Scene::around(const std::vector<Vector3d>& places, double meters) const {
   Scene near = *this;
   std::erase_if(near.solids, [&](const Solid& s) {
     return std::none_of(places.begin(), places.end(),
-                        [&](const Vector3d& place) { return solid_distance(s, place) <= metres; });
+                        [&](const Vector3d& place) { return solid_distance(s, place) <= meters; });
   });
   return near;
 }
@@ -248,13 +269,13 @@ Mesh Scene::surface(float spacing) const {
     if (s.period == 0) add_solid(all, s, spacing);
   mesh.positions = std::move(all.positions);
   std::vector<char> hidden(mesh.positions.size());  // by vertex
-  for (std::size_t v = 0; v < hidden.size(); ++v) hidden[v] = lies_inside(solids, mesh.positions[v], kHidden);
+  for (std::size_t v = 0; v < hidden.size(); ++v) hidden[v] = is_inside(solids, mesh.positions[v], kHidden);
   for (const auto& t : all.triangles) {
     if (hidden[t[0]] || hidden[t[1]] || hidden[t[2]]) continue;
     // The center of a curved solid's triangle is slightly inside the solid itself, so the corners are tested as well.
-    const Vector3f centre = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f;
+    const Vector3f center = (mesh.positions[t[0]] + mesh.positions[t[1]] + mesh.positions[t[2]]) / 3.0f;
     const double sagitta = 0.02 * spacing;
-    if (!lies_inside(solids, centre, kHidden + sagitta)) mesh.triangles.push_back(t);
+    if (!is_inside(solids, center, kHidden + sagitta)) mesh.triangles.push_back(t);
   }
   return mesh;
 }
@@ -267,23 +288,7 @@ Scene synthetic_scene(const std::string& name) {
   Scene scene{.name = name};
   if (name == "room" || name == "room-with-mover") {
     scene.solids = furnished_room();
-    if (name == "room-with-mover") {
-      const Vector3f walk(1.5f, 0, 0);
-      constexpr float kThereAndBack = 10;  // seconds: 0.9 m/s at most
-      scene.solids.push_back({.shape = Shape::cylinder,
-                              .centre = {0, 0.5f, 1.3f},
-                              .half_size = {0.17f, 0.75f, 0},
-                              .pattern = Pattern::checker,
-                              .colour = {0.2f, 0.3f, 0.5f},
-                              .swing = walk,
-                              .period = kThereAndBack});
-      scene.solids.push_back({.shape = Shape::sphere,
-                              .centre = {0, -0.38f, 1.3f},
-                              .half_size = {0.13f, 0, 0},
-                              .colour = {0.8f, 0.6f, 0.5f},
-                              .swing = walk,
-                              .period = kThereAndBack});
-    }
+    if (name == "room-with-mover") add_mover(scene.solids);
   } else if (name == "sphere") {
     scene.solids.push_back({Shape::sphere,
                             {0, 0, 1.8f},
@@ -309,10 +314,10 @@ Scene synthetic_scene(const std::string& name) {
     scene.solids = corridor_around_a_block();
   } else if (name == "flat") {
     scene.solids = flat();
-    scene.way = way_through_flat();
+    scene.path = path_through_flat();
   } else if (name == "twin-rooms") {
     scene.solids = twin_rooms();
-    scene.way = way_through_twin_rooms();
+    scene.path = path_through_twin_rooms();
   } else {
     throw std::runtime_error(
         "there is no synthetic scene '" + name +
@@ -325,7 +330,7 @@ Camera synthetic_camera() { return {640, 480, 525.0, 525.0, 319.5, 239.5, {}}; }
 
 void mark_seen(const Mesh& mesh, const Camera& camera, const Eigen::Isometry3d& world_from_camera,
                const std::vector<float>& depth, std::vector<bool>& seen) {
-  constexpr double kSame = 0.01;  // meters
+  constexpr double kDepthTolerance = 0.01;  // meters
   const Eigen::Isometry3d camera_from_world = world_from_camera.inverse();
   seen.resize(mesh.triangles.size());
   for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -338,7 +343,7 @@ void mark_seen(const Mesh& mesh, const Camera& camera, const Eigen::Isometry3d& 
     const int x = static_cast<int>(std::lround(pixel.x())), y = static_cast<int>(std::lround(pixel.y()));
     if (x < 0 || y < 0 || x >= camera.width || y >= camera.height) continue;
     const float z = depth[static_cast<std::size_t>(y * camera.width + x)];
-    seen[i] = z > 0 && std::abs(z - p.z()) < kSame;
+    seen[i] = z > 0 && std::abs(z - p.z()) < kDepthTolerance;
   }
 }
 

@@ -12,19 +12,19 @@
 namespace cairn {
 namespace {
 
-constexpr double kMaxGap = 2.5;                    // seconds
-constexpr double kGravity = 9.81;                  // m/s^2, along y
-const Eigen::Vector3d kMiddle(-0.1, -0.1, -0.35);  // meters; center of the room's own path
+constexpr double kMaxGap = 2.5;                        // seconds
+constexpr double kGravity = 9.81;                      // m/s^2, along y
+const Eigen::Vector3d kPathCenter(-0.1, -0.1, -0.35);  // meters; center of the room's own path
 
 constexpr double kRate = 30;  // frames per second
 
 /// Number of frames up to the end of the path.
 int all_frames(const Scene& scene) { return static_cast<int>(scene.duration() * kRate) + 1; }
 
-int frames_of(const Scene& scene, const std::optional<int>& asked) {
-  constexpr int kUsual = 300;
-  return scene.name == "building" ? std::min(asked.value_or(all_frames(scene)), all_frames(scene))
-                                  : asked.value_or(kUsual);
+int frames_of(const Scene& scene, const std::optional<int>& requested) {
+  constexpr int kDefaultFrames = 300;
+  return scene.name == "building" ? std::min(requested.value_or(all_frames(scene)), all_frames(scene))
+                                  : requested.value_or(kDefaultFrames);
 }
 
 /// Source name split into scene and noise.
@@ -74,8 +74,7 @@ class SyntheticSource final : public Source {
     if (!pose) return std::nullopt;
     auto images = renderer_.render(*pose, time);
     add_noise(images, rig_.depth, name_.noise, kSeed, next_);
-    Frame frame{
-        .index = next_, .timestamp = time, .depth = std::move(images.depth), .colour = std::move(images.colour)};
+    Frame frame{.index = next_, .timestamp = time, .depth = std::move(images.depth), .color = std::move(images.color)};
     frame.acceleration = path_.acceleration(time);
     next_ += options_.step;
     return frame;
@@ -120,7 +119,7 @@ SyntheticPath::SyntheticPath(Scene scene, Trajectory recorded, double seconds)
   };
   if (const Eigen::Vector3d sizes = bounds().sizes(); sizes.z() > sizes.x())
     scene_from_world.prerotate(Eigen::AngleAxisd(std::numbers::pi / 2, Eigen::Vector3d::UnitY()));
-  scene_from_world.pretranslate(kMiddle - bounds().center());
+  scene_from_world.pretranslate(kPathCenter - bounds().center());
   for (auto& p : recorded_) p.world_from_camera = scene_from_world * p.world_from_camera;
 }
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "cairn/frame.hpp"
-#include "cairn/synthetic.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/synthetic/synthetic.hpp"
 
 namespace cairn {
 

@@ -25,10 +25,10 @@ namespace cairn {
 namespace {
 
 constexpr int kSide = shader::kTileSide;
-constexpr int kPadding = 2;        // texels of padding around each chart
-constexpr float kTurned = 0.62f;   // minimum cosine between a chart's axis and the smoothed normals in it
-constexpr float kFlat = 0.2f;      // same for the triangle's own normal
-constexpr int kSmoothings = 4;     // iterations for normals
+constexpr int kPadding = 2;                // texels of padding around each chart
+constexpr float kMinSmoothCosine = 0.62f;  // minimum cosine between a chart's axis and the smoothed normals in it
+constexpr float kMinNormalCosine = 0.2f;   // same for the triangle's own normal
+constexpr int kSmoothingIterations = 4;    // iterations for normals
 constexpr float kSubtexels = 256;  // corner positions are rounded to these, so that adjacent triangles agree on the
                                    // owner of a texel
 
@@ -49,7 +49,7 @@ std::int64_t cross(const Subtexels& a, const Subtexels& b, const Subtexels& c) {
 /// Calls `visit(x, y)` for texels with their center in the triangle; a center on a common side belongs to only one of
 /// the two triangles.
 template <class Visit>
-void rasterise(std::array<Subtexels, 3> p, const Visit& visit) {
+void rasterize(std::array<Subtexels, 3> p, const Visit& visit) {
   const std::int64_t area = cross(p[0], p[1], p[2]);
   if (area == 0) return;
   if (area < 0) std::swap(p[1], p[2]);
@@ -88,7 +88,7 @@ Shape shape_of(const Mesh& mesh) {
     shape.normal.push_back(v / std::max(v.norm(), 1e-20f));
     weighted.push_back(v);
   }
-  for (int i = 0; i < kSmoothings; ++i) {
+  for (int i = 0; i < kSmoothingIterations; ++i) {
     std::vector<Eigen::Vector3f> of_vertex(mesh.positions.size(), Eigen::Vector3f::Zero());
     for (std::size_t t = 0; t < n; ++t)
       for (const std::uint32_t v : mesh.triangles[t]) of_vertex[v] += weighted[t];
@@ -152,21 +152,21 @@ std::array<Eigen::Vector2f, 3> corners_in(const Chart& chart, const Mesh& mesh, 
 }
 
 /// Removes triangles from a chart that would overlap others of the chart; returns them.
-std::vector<std::uint32_t> take_out_overlapping(Chart& chart, const Mesh& mesh) {
+std::vector<std::uint32_t> remove_overlapping(Chart& chart, const Mesh& mesh) {
   const Eigen::Vector2i size = size_of(chart);
   std::vector<bool> covered(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()), false);
   const auto at = [&](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(size.x()) + static_cast<std::size_t>(x);
   };
-  std::vector<std::uint32_t> stay, out;
+  std::vector<std::uint32_t> kept, out;
   for (const std::uint32_t t : chart.triangles) {
     const std::array<Subtexels, 3> p = in_subtexels(corners_in(chart, mesh, t));
     bool overlaps = false;
-    rasterise(p, [&](int x, int y) { overlaps = overlaps || covered[at(x, y)]; });
-    if (!overlaps) rasterise(p, [&](int x, int y) { covered[at(x, y)] = true; });
-    (overlaps ? out : stay).push_back(t);
+    rasterize(p, [&](int x, int y) { overlaps = overlaps || covered[at(x, y)]; });
+    if (!overlaps) rasterize(p, [&](int x, int y) { covered[at(x, y)] = true; });
+    (overlaps ? out : kept).push_back(t);
   }
-  chart.triangles = std::move(stay);
+  chart.triangles = std::move(kept);
   return out;
 }
 
@@ -247,7 +247,7 @@ Mesh unwrapped(const Mesh& mesh, const std::vector<Chart>& charts, const Layout&
   }
   result.positions = mesh.positions;
   result.normals = mesh.normals;
-  result.colours = mesh.colours;
+  result.colors = mesh.colors;
   take_vertices(result, original);
   result.texture_coordinates = std::move(texture_coordinates);
   return result;
@@ -281,7 +281,7 @@ TriangleImage draw(const Chart& chart, const Mesh& mesh, int width, int height, 
   TriangleImage image{width, height, {}};
   image.triangles.assign(image.index(0, height), kNone);
   for (std::uint32_t i = 0; i < chart.triangles.size(); ++i)
-    rasterise(in_subtexels(corners_in(chart, mesh, chart.triangles[i])),
+    rasterize(in_subtexels(corners_in(chart, mesh, chart.triangles[i])),
               [&](int x, int y) { image.triangles[image.index(x, y)] = first + i; });
   dilate(image);
   return image;
@@ -330,35 +330,36 @@ std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
       for (const std::uint32_t next : shape.adjacent[triangles[i]]) {
         if (next == kNone || taken[next] || visit[next] == growth) continue;
         visit[next] = growth;
-        if (shape.smooth[next].dot(axis) > kTurned && shape.normal[next].dot(axis) > kFlat) triangles.push_back(next);
+        if (shape.smooth[next].dot(axis) > kMinSmoothCosine && shape.normal[next].dot(axis) > kMinNormalCosine)
+          triangles.push_back(next);
       }
     return triangles;
   };
   std::vector<std::uint32_t> seeds = order;
   while (!seeds.empty()) {
-    std::vector<std::uint32_t> again;
+    std::vector<std::uint32_t> retry;
     for (const std::uint32_t seed : seeds) {
       if (taken[seed]) continue;
       const Eigen::Vector3f first =
-          shape.smooth[seed].dot(shape.normal[seed]) > kFlat ? shape.smooth[seed] : shape.normal[seed];
+          shape.smooth[seed].dot(shape.normal[seed]) > kMinNormalCosine ? shape.smooth[seed] : shape.normal[seed];
       std::vector<std::uint32_t> triangles = grow(seed, first);
       Eigen::Vector3f axis = first;
       if (triangles.size() > 1) {
         Eigen::Vector3f mean = Eigen::Vector3f::Zero();
         for (const std::uint32_t t : triangles) mean += shape.area[t] * shape.normal[t];
         mean.normalize();
-        if (shape.normal[seed].dot(mean) > kFlat) axis = mean, triangles = grow(seed, axis);
+        if (shape.normal[seed].dot(mean) > kMinNormalCosine) axis = mean, triangles = grow(seed, axis);
       }
       Chart chart = chart_of(mesh, triangles, plane_of(mesh, triangles, axis, texel));
       for (const std::uint32_t t : triangles) taken[t] = true;
-      for (const std::uint32_t t : take_out_overlapping(chart, mesh)) {
+      for (const std::uint32_t t : remove_overlapping(chart, mesh)) {
         taken[t] = false;
-        again.push_back(t);
+        retry.push_back(t);
       }
       for (Chart& part : cut(mesh, chart_of(mesh, std::move(chart.triangles), chart.plane), max_size))
         charts.push_back(std::move(part));
     }
-    seeds = std::move(again);
+    seeds = std::move(retry);
   }
   return charts;
 }
@@ -411,24 +412,24 @@ shader::Texel TextureAtlas::point(const Tile& tile, std::size_t k) const {
     c = (ab.x() * q.y() - ab.y() * q.x()) / area;
   }
   const std::array<float, 3> weight{1 - b - c, b, c};
-  Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, colour = position;
+  Eigen::Vector3f position = Eigen::Vector3f::Zero(), normal = position, color = position;
   for (std::size_t corner = 0; corner < 3; ++corner) {
     const std::uint32_t v = triangle[corner];
     position += weight[corner] * mesh.positions[v];
     const float inside = std::clamp(weight[corner], 0.0f, 1.0f);
     if (!mesh.normals.empty()) normal += inside * mesh.normals[v];
-    if (!mesh.colours.empty())
-      colour += inside * Eigen::Vector3f(mesh.colours[v][0], mesh.colours[v][1], mesh.colours[v][2]);
+    if (!mesh.colors.empty())
+      color += inside * Eigen::Vector3f(mesh.colors[v][0], mesh.colors[v][1], mesh.colors[v][2]);
   }
   const auto byte = [](float f) { return static_cast<std::uint32_t>(std::lround(std::clamp(f, 0.0f, 255.0f))); };
   return {position, shader::pack_normal(normal.norm() > 1e-6f ? normal : Eigen::Vector3f::UnitZ()),
-          byte(colour.x()) | byte(colour.y()) << 8 | byte(colour.z()) << 16};
+          byte(color.x()) | byte(color.y()) << 8 | byte(color.z()) << 16};
 }
 
 void fill_between(Texture& texture, std::vector<bool> known) {
   struct Level {
     int width, height;
-    std::vector<Eigen::Vector3f> colour;
+    std::vector<Eigen::Vector3f> color;
     std::vector<float> weight;
   };
   // Pull-push (Gortler et al. 1996): means of known texels at coarser and coarser levels, then each unknown texel from
@@ -437,10 +438,10 @@ void fill_between(Texture& texture, std::vector<bool> known) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
   };
   std::vector<Level> levels;
-  const auto halved = [&](int width, int height, const auto& colour, const auto& weight) {
+  const auto halved = [&](int width, int height, const auto& color, const auto& weight) {
     Level half{(width + 1) / 2, (height + 1) / 2, {}, {}};
-    half.colour.resize(index(half.width, 0, half.height));
-    half.weight.resize(half.colour.size());
+    half.color.resize(index(half.width, 0, half.height));
+    half.weight.resize(half.color.size());
     tbb::parallel_for(0, half.height, [&](int y) {
       for (int x = 0; x < half.width; ++x) {
         Eigen::Vector3f sum = Eigen::Vector3f::Zero();
@@ -449,10 +450,10 @@ void fill_between(Texture& texture, std::vector<bool> known) {
           const int fx = 2 * x + (k & 1), fy = 2 * y + (k >> 1);
           if (fx >= width || fy >= height) continue;
           const float w = weight(index(width, fx, fy));
-          sum += w * colour(index(width, fx, fy));
+          sum += w * color(index(width, fx, fy));
           total += w;
         }
-        half.colour[index(half.width, x, y)] = total > 0 ? Eigen::Vector3f(sum / total) : sum;
+        half.color[index(half.width, x, y)] = total > 0 ? Eigen::Vector3f(sum / total) : sum;
         half.weight[index(half.width, x, y)] = total > 0 ? 1.0f : 0.0f;
       }
     });
@@ -466,7 +467,7 @@ void fill_between(Texture& texture, std::vector<bool> known) {
   while (levels.back().width > 1 || levels.back().height > 1) {
     const Level& fine = levels.back();
     levels.push_back(halved(
-        fine.width, fine.height, [&](std::size_t i) { return fine.colour[i]; },
+        fine.width, fine.height, [&](std::size_t i) { return fine.color[i]; },
         [&](std::size_t i) { return fine.weight[i]; }));
   }
   for (std::size_t l = levels.size() - 1; l-- > 0;) {
@@ -475,14 +476,14 @@ void fill_between(Texture& texture, std::vector<bool> known) {
     for (int y = 0; y < fine.height; ++y)
       for (int x = 0; x < fine.width; ++x)
         if (const std::size_t i = index(fine.width, x, y); fine.weight[i] == 0)
-          fine.colour[i] = coarse.colour[index(coarse.width, x / 2, y / 2)];
+          fine.color[i] = coarse.color[index(coarse.width, x / 2, y / 2)];
   }
   for (int y = 0; y < texture.height; ++y)
     for (int x = 0; x < texture.width; ++x)
       if (const std::size_t i = index(texture.width, x, y); !known[i])
         for (int c = 0; c < 3; ++c)
           texture.texels[i][static_cast<std::size_t>(c)] =
-              static_cast<std::uint8_t>(std::lround(levels[0].colour[index(levels[0].width, x / 2, y / 2)][c]));
+              static_cast<std::uint8_t>(std::lround(levels[0].color[index(levels[0].width, x / 2, y / 2)][c]));
 }
 
 }  // namespace cairn

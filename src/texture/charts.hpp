@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 #include "mesh/topology.hpp"
 #include "shaders/texture.h"
 

@@ -16,20 +16,20 @@
 #include "spirv/texture_prepare.comp.h"
 #include "spirv/texture_sample.comp.h"
 #include "spirv/texture_select.comp.h"
-#include "texture/colour_registration.hpp"
+#include "texture/color_registration.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr float kTolerance = 0.02f;        // meters in addition to the noise, maximum distance between the surface and
+constexpr float kDepthTolerance = 0.02f;   // meters in addition to the noise, maximum distance between the surface and
                                            // a keyframe's depth
 constexpr std::size_t kBatchTiles = 4096;  // colored per dispatch
 constexpr int kGridX = 12, kGridY = 9;     // sample points per keyframe for exposure comparison
-constexpr std::size_t kEnoughPoints = 8;   // minimum number of common points of two keyframes
-constexpr double kPull = 0.02;             // weight of the prior that pulls gains to 1, relative to the mean weight of
-                                           // pairs
-constexpr double kMaxGain = 1.0;           // limit of the logarithm
-constexpr int kDarkest = 12;               // of 255; darker colors carry no information about exposure
+constexpr std::size_t kMinCommonPoints = 8;  // minimum number of common points of two keyframes
+constexpr double kPriorWeight = 0.02;  // weight of the prior that pulls gains to 1, relative to the mean weight of
+                                       // pairs
+constexpr double kMaxGain = 1.0;       // limit of the logarithm
+constexpr int kMinColor = 12;          // of 255; darker colors carry no information about exposure
 
 std::uint32_t pixels_of(const Camera& c) { return static_cast<std::uint32_t>(c.width * c.height); }
 
@@ -50,7 +50,7 @@ std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
   ExposurePair pair{.a = a, .b = b};
   for (std::size_t c = 0; c < 3; ++c) {
     auto& d = differences[c];
-    if (d.size() < kEnoughPoints) return std::nullopt;
+    if (d.size() < kMinCommonPoints) return std::nullopt;
     const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
     std::nth_element(d.begin(), middle, d.end());
     pair.logarithms[static_cast<int>(c)] = *middle;
@@ -66,8 +66,8 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
     : volume_(volume),
       device_(volume.device()),
       max_depth_(options.max_depth),
-      preprocessor_(device_, at_one_moment({rig.colour_view(), rig.sensor}), options, 1, 1),
-      in_colour_(rig),
+      preprocessor_(device_, with_global_shutter({rig.color_view(), rig.sensor}), options, 1, 1),
+      in_color_(rig),
       camera_(preprocessor_.camera()),
       raycaster_(device_, camera_, options, 2, 1),
       keyframes_(std::move(keyframes)),
@@ -81,10 +81,10 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
       blend_(device_, "texture_blend", texture_blend_comp, shader::constants_of(rig.sensor)),
       sample_(device_, "texture_sample", texture_sample_comp, shader::constants_of(rig.sensor)),
       sample_view_(device_, sizeof(shader::TextureView)) {
-  const Eigen::Isometry3d depth_from_colour = rig.depth_from_colour();
+  const Eigen::Isometry3d depth_from_color = rig.depth_from_color();
   for (TextureKeyframe& k : keyframes_) {  // poses and velocities become those of the color camera
-    k.world_from_camera = k.world_from_camera * depth_from_colour;
-    k.velocity = adjoint(depth_from_colour.inverse()) * k.velocity;
+    k.world_from_camera = k.world_from_camera * depth_from_color;
+    k.velocity = adjoint(depth_from_color.inverse()) * k.velocity;
     camera_from_world_.emplace_back(k.world_from_camera.inverse().cast<float>());
   }
 }
@@ -94,7 +94,7 @@ const TextureViews::OnDevice& TextureViews::on_device(std::size_t keyframe) cons
 }
 
 /// Loads keyframe images to the device, at most as many as its capacity.
-void TextureViews::bring(std::span<const std::size_t> keyframes) {
+void TextureViews::load_images(std::span<const std::size_t> keyframes) {
   ++use_;
   std::vector<std::size_t> missing;
   for (const std::size_t k : keyframes)
@@ -102,12 +102,12 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
       images_[static_cast<std::size_t>(slot_[k])]->last_use = use_;
     else
       missing.push_back(k);
-  constexpr std::size_t kAtOnce = 8;
-  for (std::size_t begin = 0; begin < missing.size(); begin += kAtOnce) {
-    const auto some = std::span(missing).subspan(begin, std::min(kAtOnce, missing.size() - begin));
+  constexpr std::size_t kMaxBatch = 8;
+  for (std::size_t begin = 0; begin < missing.size(); begin += kMaxBatch) {
+    const auto some = std::span(missing).subspan(begin, std::min(kMaxBatch, missing.size() - begin));
     std::vector<Frame> frames(some.size());
     tbb::parallel_for(std::size_t{0}, some.size(),
-                      [&](std::size_t i) { frames[i] = in_colour_(get_image_(keyframes_[some[i]].image)); });
+                      [&](std::size_t i) { frames[i] = in_color_(get_image_(keyframes_[some[i]].image)); });
     for (std::size_t i = 0; i < some.size(); ++i) {
       if (images_.size() < capacity_) {
         images_.push_back(std::make_unique<OnDevice>());
@@ -123,11 +123,11 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
       OnDevice& image = *images_[static_cast<std::size_t>(slot_[some[i]])];
       image.keyframe = some[i];
       image.last_use = use_;
-      const Surface surface = preprocessor_.preprocess(frames[i]);
-      surface.bring_colour();
-      image.has_colour = surface.has_colour;
+      const FramePyramid surface = preprocessor_.preprocess(frames[i]);
+      surface.register_color_to_depth();
+      image.has_color = surface.has_color;
       const Eigen::Isometry3d& pose = keyframes_[some[i]].world_from_camera;
-      volume_.bring(pose.translation());
+      volume_.page_in_around(pose.translation());
       const SurfacePrediction model = raycaster_.raycast(volume_, pose);
       gpu::Batch batch(device_);
       const shader::TexturePreparePush push{shader::pinhole(camera_)};
@@ -138,7 +138,7 @@ void TextureViews::bring(std::span<const std::size_t> keyframes) {
   }
 }
 
-void TextureViews::forget() {
+void TextureViews::discard_images() {
   std::fill(slot_.begin(), slot_.end(), -1);
   images_.clear();
 }
@@ -149,20 +149,20 @@ shader::TextureView TextureViews::view_of(std::size_t keyframe) const {
   return {.camera_from_world = shader::rigid(k.world_from_camera.inverse()),
           .velocity = Eigen::Vector3f(k.velocity.tail<3>().cast<float>()),
           .turn_rate = Eigen::Vector3f(k.velocity.head<3>().cast<float>()),
-          .delay = static_cast<float>(k.colour_delay),
+          .delay = static_cast<float>(k.color_delay),
           .gain = gains_[keyframe],
           .pixels = shader::address(image.pixels),
           .blurred = shader::address(image.blurred)};
 }
 
 bool TextureViews::may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const {
-  constexpr float kAround = 24;  // pixels
+  constexpr float kImageMargin = 24;  // pixels
   const Eigen::Isometry3f& t = camera_from_world_[keyframe];
   const Eigen::Vector3f p = t * point;
   if (p.z() < 0.05f || p.z() > 1.1f * max_depth_ || (t.linear() * normal).dot(p) > 0.1f * p.norm()) return false;
   const Eigen::Vector2d at = camera_.project(p.cast<double>());
-  return at.x() > -kAround && at.y() > -kAround && at.x() < camera_.width + kAround &&
-         at.y() < camera_.height + kAround;
+  return at.x() > -kImageMargin && at.y() > -kImageMargin && at.x() < camera_.width + kImageMargin &&
+         at.y() < camera_.height + kImageMargin;
 }
 
 float TextureViews::texel_size(const Mesh& mesh) const {
@@ -203,87 +203,90 @@ std::vector<shader::Texel> TextureViews::points_of(std::size_t keyframe, int col
 }
 
 std::vector<std::uint32_t> TextureViews::sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
-                                                const shader::ColourCamera& colour, bool sharp) {
-  std::vector<std::uint32_t> colours(points.size());
-  if (points.empty()) return colours;
+                                                const shader::ColorCamera& color, bool sharp) {
+  std::vector<std::uint32_t> colors(points.size());
+  if (points.empty()) return colors;
   if (!sample_points_ || sample_points_.size() < points.size() * sizeof(shader::Texel)) {
     sample_points_ = gpu::Buffer(device_, 2 * points.size() * sizeof(shader::Texel));
-    sample_colours_ = gpu::Buffer(device_, 2 * points.size() * 4);
+    sample_colors_ = gpu::Buffer(device_, 2 * points.size() * 4);
   }
   const auto count = static_cast<std::uint32_t>(points.size());
   const shader::TextureView view = view_of(keyframe);
   gpu::Batch batch(device_);
   batch.upload(sample_view_, std::span(&view, 1));
   batch.upload(sample_points_, points);
-  sample_(
-      batch, {count, 1, 1},
-      {.camera = shader::pinhole(camera_), .colour = colour, .points = count, .tolerance = kTolerance, .sharp = sharp},
-      {&sample_points_, &sample_view_, &sample_colours_});
-  batch.download(sample_colours_, colours);
+  sample_(batch, {count, 1, 1},
+          {.camera = shader::pinhole(camera_),
+           .color = color,
+           .points = count,
+           .tolerance = kDepthTolerance,
+           .sharp = sharp},
+          {&sample_points_, &sample_view_, &sample_colors_});
+  batch.download(sample_colors_, colors);
   batch.run();
-  return colours;
+  return colors;
 }
 
-void TextureViews::register_colour() {
-  constexpr std::size_t kGroups = 8, kInGroup = 5;  // groups of consecutive keyframes, spread over the trajectory
-  constexpr int kColumns = 24, kRows = 18;          // sample points per keyframe
+void TextureViews::register_color() {
+  constexpr std::size_t kGroups = 8, kGroupSize = 5;  // groups of consecutive keyframes, spread over the trajectory
+  constexpr int kColumns = 24, kRows = 18;            // sample points per keyframe
   std::vector<std::size_t> chosen;
-  const std::size_t group = std::max(keyframes_.size() / kGroups, kInGroup);
+  const std::size_t group = std::max(keyframes_.size() / kGroups, kGroupSize);
   for (std::size_t k = 0; k < keyframes_.size() && chosen.size() < capacity_; ++k) {
-    if (k % group >= kInGroup) continue;
-    bring(std::array{k});
-    if (on_device(k).has_colour) chosen.push_back(k);
+    if (k % group >= kGroupSize) continue;
+    load_images(std::array{k});
+    if (on_device(k).has_color) chosen.push_back(k);
   }
   // Points of the chosen keyframes, with all keyframes in which each may be visible.
   std::vector<shader::Texel> points;
   for (const std::size_t k : chosen)
     for (const shader::Texel& p : points_of(k, kColumns, kRows)) points.push_back(p);
-  ColourObservations observations{.points = points.size(), .point = {}, .brightness = {}};
-  std::vector<std::pair<std::size_t, std::vector<shader::Texel>>> asked;  // by keyframe, in the order of the
-                                                                          // observations
+  ColorObservations observations{.points = points.size(), .point = {}, .brightness = {}};
+  std::vector<std::pair<std::size_t, std::vector<shader::Texel>>> sampled;  // by keyframe, in the order of the
+                                                                            // observations
   for (const std::size_t k : chosen) {
-    auto& list = asked.emplace_back(k, std::vector<shader::Texel>{}).second;
+    auto& list = sampled.emplace_back(k, std::vector<shader::Texel>{}).second;
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (!may_see(k, points[i].position, shader::unpack_normal(points[i].normal))) continue;
       observations.point.push_back(i);
       list.push_back(points[i]);
     }
   }
-  observations.brightness = [&](const shader::ColourCamera& colour, bool sharp) {
+  observations.brightness = [&](const shader::ColorCamera& color, bool sharp) {
     std::vector<float> brightness;
     brightness.reserve(observations.point.size());
-    for (const auto& [k, list] : asked)
-      for (const std::uint32_t word : sample(k, list, colour, sharp))
+    for (const auto& [k, list] : sampled)
+      for (const std::uint32_t word : sample(k, list, color, sharp))
         brightness.push_back(
             word == 0 ? -1.0f : static_cast<float>((word & 255) + (word >> 8 & 255) + (word >> 16 & 255)) / 765);
     return brightness;
   };
-  if (const auto camera = register_colour_camera(observations)) colour_ = *camera;
+  if (const auto camera = register_color_camera(observations)) color_ = *camera;
 }
 
 std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, const SeenPoints& earlier) {
   // Samples only points possibly in view.
-  SeenPoints near;
+  SeenPoints nearby;
   for (std::size_t i = 0; i < earlier.points.size(); ++i) {
     const std::size_t other = earlier.keyframe[i];
     const Eigen::Vector3f p = earlier.points[i].position;
     if (!may_see(keyframe, p, (keyframes_[other].world_from_camera.translation().cast<float>() - p).normalized()))
       continue;
-    near.points.push_back(earlier.points[i]);
-    near.keyframe.push_back(other);
+    nearby.points.push_back(earlier.points[i]);
+    nearby.keyframe.push_back(other);
   }
-  const std::vector<std::uint32_t> colours = sample(keyframe, near.points, colour_, false);
+  const std::vector<std::uint32_t> colors = sample(keyframe, nearby.points, color_, false);
   std::vector<ExposurePair> pairs;
   std::array<std::vector<double>, 3> differences;
-  for (std::size_t i = 0; i < near.points.size();) {
-    const std::size_t other = near.keyframe[i];
+  for (std::size_t i = 0; i < nearby.points.size();) {
+    const std::size_t other = nearby.keyframe[i];
     for (auto& d : differences) d.clear();
-    for (; i < near.points.size() && near.keyframe[i] == other; ++i) {
-      if (colours[i] == 0) continue;
+    for (; i < nearby.points.size() && nearby.keyframe[i] == other; ++i) {
+      if (colors[i] == 0) continue;
       for (std::uint32_t c = 0; c < 3; ++c) {
-        const auto a = static_cast<int>(near.points[i].colour >> (8 * c) & 255),
-                   b = static_cast<int>(colours[i] >> (8 * c) & 255);
-        if (std::min(a, b) >= kDarkest && std::max(a, b) < 250)
+        const auto a = static_cast<int>(nearby.points[i].color >> (8 * c) & 255),
+                   b = static_cast<int>(colors[i] >> (8 * c) & 255);
+        if (std::min(a, b) >= kMinColor && std::max(a, b) < 250)
           differences[c].push_back(std::log(static_cast<double>(a) / b));
       }
     }
@@ -295,18 +298,18 @@ std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, 
 bool TextureViews::compensate_exposure(const std::function<void()>& step) {
   SeenPoints points;  // points of all keyframes so far
   std::vector<ExposurePair> pairs;
-  bool any_colour = false;
+  bool any_color = false;
   for (std::size_t k = 0; k < keyframes_.size(); ++k) {
-    bring(std::array{k});
-    if (on_device(k).has_colour) {
-      any_colour = true;
+    load_images(std::array{k});
+    if (on_device(k).has_color) {
+      any_color = true;
       for (const ExposurePair& pair : compare_exposures(k, points)) pairs.push_back(pair);
       // Adds the keyframe's own points with low-frequency colors, like those sampled from other keyframes.
       std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
-      const std::vector<std::uint32_t> own_colours = sample(k, own, colour_, false);
+      const std::vector<std::uint32_t> own_colors = sample(k, own, color_, false);
       for (std::size_t i = 0; i < own.size(); ++i) {
-        if (own_colours[i] == 0) continue;
-        own[i].colour = own_colours[i];
+        if (own_colors[i] == 0) continue;
+        own[i].color = own_colors[i];
         points.points.push_back(own[i]);
         points.keyframe.push_back(k);
       }
@@ -314,7 +317,7 @@ bool TextureViews::compensate_exposure(const std::function<void()>& step) {
     if (step) step();
   }
   gains_ = exposure_gains(keyframes_.size(), pairs);
-  return any_colour;
+  return any_color;
 }
 
 std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs) {
@@ -333,7 +336,7 @@ std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<con
     right.row(a) -= w * pair.logarithms.transpose();
     right.row(b) += w * pair.logarithms.transpose();
   }
-  for (int k = 0; k < n; ++k) entries.emplace_back(k, k, kPull * mean);
+  for (int k = 0; k < n; ++k) entries.emplace_back(k, k, kPriorWeight * mean);
   Eigen::SparseMatrix<double> matrix(n, n);
   matrix.setFromTriplets(entries.begin(), entries.end());
   const Eigen::MatrixX3d logarithms = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(right);
@@ -372,82 +375,83 @@ std::vector<TextureViews::Tile> TextureViews::in_morton_order(const TextureAtlas
 }
 
 std::vector<std::size_t> TextureViews::keyframes_that_see(std::span<const Tile> tiles) const {
-  std::vector<int> sees(keyframes_.size(), 0);
+  std::vector<int> visible_tiles(keyframes_.size(), 0);
   tbb::parallel_for(std::size_t{0}, keyframes_.size(), [&](std::size_t k) {
-    for (const Tile& tile : tiles) sees[k] += may_see(k, tile.middle, tile.normal);
+    for (const Tile& tile : tiles) visible_tiles[k] += may_see(k, tile.middle, tile.normal);
   });
-  std::vector<std::size_t> needed;
-  for (std::size_t k = 0; k < sees.size(); ++k)
-    if (sees[k] > 0) needed.push_back(k);
-  std::stable_sort(needed.begin(), needed.end(), [&](std::size_t a, std::size_t b) { return sees[a] > sees[b]; });
-  if (needed.size() > capacity_) needed.resize(capacity_);
-  std::sort(needed.begin(), needed.end());
-  return needed;
+  std::vector<std::size_t> selected;
+  for (std::size_t k = 0; k < visible_tiles.size(); ++k)
+    if (visible_tiles[k] > 0) selected.push_back(k);
+  std::stable_sort(selected.begin(), selected.end(),
+                   [&](std::size_t a, std::size_t b) { return visible_tiles[a] > visible_tiles[b]; });
+  if (selected.size() > capacity_) selected.resize(capacity_);
+  std::sort(selected.begin(), selected.end());
+  return selected;
 }
 
 /// Buffers for coloring a batch of tiles: on the device, and on the host.
 struct TextureViews::BlendBuffers {
-  gpu::Buffer points, chosen, colours, views;
+  gpu::Buffer points, chosen, colors, views;
   std::vector<shader::Texel> tile_points;
-  std::vector<std::uint32_t> tile_colours;
+  std::vector<std::uint32_t> tile_colors;
 };
 
 void TextureViews::blend_tiles(const TextureAtlas& atlas, std::span<const Tile> tiles, BlendBuffers& buffers) {
-  const std::vector<std::size_t> needed = keyframes_that_see(tiles);
-  bring(needed);
+  const std::vector<std::size_t> selected = keyframes_that_see(tiles);
+  load_images(selected);
   std::vector<shader::TextureView> views;
-  for (const std::size_t k : needed)
-    if (on_device(k).has_colour) views.push_back(view_of(k));
+  for (const std::size_t k : selected)
+    if (on_device(k).has_color) views.push_back(view_of(k));
   buffers.tile_points.resize(tiles.size() * shader::kTileTexels);
   tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) {
     for (std::size_t k = 0; k < shader::kTileTexels; ++k)
       buffers.tile_points[i * shader::kTileTexels + k] = atlas.point(atlas.tiles[tiles[i].index], k);
   });
-  buffers.tile_colours.resize(buffers.tile_points.size());
+  buffers.tile_colors.resize(buffers.tile_points.size());
   const auto count = static_cast<std::uint32_t>(tiles.size());
   const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
                                       .tiles = count,
-                                      .colour = colour_,
+                                      .color = color_,
                                       .views = static_cast<std::uint32_t>(views.size()),
-                                      .tolerance = kTolerance};
+                                      .tolerance = kDepthTolerance};
   gpu::Batch batch(device_);
   batch.upload(buffers.points, buffers.tile_points);
   batch.upload(buffers.views, views);
   select_(batch, {count, 1, 1}, push, {&buffers.points, &buffers.views, &buffers.chosen});
   blend_(batch, {count * shader::kTileTexels, 1, 1}, push,
-         {&buffers.points, &buffers.views, &buffers.chosen, &buffers.colours});
-  batch.download(buffers.colours, buffers.tile_colours);
+         {&buffers.points, &buffers.views, &buffers.chosen, &buffers.colors});
+  batch.download(buffers.colors, buffers.tile_colors);
   batch.run();
 }
 
-std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColours* unseen,
+std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColors* unseen,
                                 const std::function<void(double share)>& step) {
   Texture& texture = atlas.mesh.texture;
   const auto size = static_cast<std::size_t>(texture.width) * static_cast<std::size_t>(texture.height);
   texture.texels.assign(size, {0, 0, 0});
   std::vector<bool> known(size, false);
   const std::vector<Tile> order = in_morton_order(atlas);
-  const std::size_t most = std::min(kBatchTiles, std::max<std::size_t>(order.size(), 1));
-  BlendBuffers buffers{.points = {device_, most * shader::kTileTexels * sizeof(shader::Texel)},
-                       .chosen = {device_, most * shader::kTileViews * 8},
-                       .colours = {device_, most * shader::kTileTexels * 4},
+  const std::size_t batch_size = std::min(kBatchTiles, std::max<std::size_t>(order.size(), 1));
+  BlendBuffers buffers{.points = {device_, batch_size * shader::kTileTexels * sizeof(shader::Texel)},
+                       .chosen = {device_, batch_size * shader::kTileViews * 8},
+                       .colors = {device_, batch_size * shader::kTileTexels * 4},
                        .views = {device_, std::max<std::size_t>(1, std::min(capacity_, keyframes_.size())) *
                                               sizeof(shader::TextureView)},
                        .tile_points = {},
-                       .tile_colours = {}};
+                       .tile_colors = {}};
   std::size_t seen = 0;
-  for (std::size_t begin = 0; begin < order.size(); begin += most) {
-    const auto tiles = std::span(order).subspan(begin, std::min(most, order.size() - begin));
+  for (std::size_t begin = 0; begin < order.size(); begin += batch_size) {
+    const auto tiles = std::span(order).subspan(begin, std::min(batch_size, order.size() - begin));
     blend_tiles(atlas, tiles, buffers);
     if (unseen != nullptr)
       tbb::parallel_for(std::size_t{0}, buffers.tile_points.size(), [&](std::size_t i) {
         const shader::Texel& point = buffers.tile_points[i];
-        std::uint32_t& word = buffers.tile_colours[i];
+        std::uint32_t& word = buffers.tile_colors[i];
         if (word >> 24 == 0 && point.normal != 0) word = unseen->at(point.position, word);
       });
     for (std::size_t i = 0; i < buffers.tile_points.size(); ++i) {
       if (buffers.tile_points[i].normal == 0) continue;
-      const std::uint32_t word = buffers.tile_colours[i];
+      const std::uint32_t word = buffers.tile_colors[i];
       const std::size_t texel = atlas.texel(atlas.tiles[tiles[i / shader::kTileTexels].index], i % shader::kTileTexels);
       known[texel] = true;
       seen += word >> 24 != 0;

@@ -6,11 +6,11 @@
 #include <span>
 #include <vector>
 
-#include "base/colour_view.hpp"
-#include "cairn/pose.hpp"
-#include "surface/preprocess.hpp"
+#include "cairn/mapping/pose.hpp"
+#include "geometry/color_view.hpp"
+#include "preprocess/preprocess.hpp"
 #include "texture/charts.hpp"
-#include "texture/voxel_colours.hpp"
+#include "texture/voxel_colors.hpp"
 #include "volume/raycast.hpp"
 
 namespace cairn {
@@ -20,7 +20,7 @@ struct TextureKeyframe {
   std::size_t image = 0;                                                // its key for GetImage
   Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();  // at the time of the depth image
   Vector6d velocity = Vector6d::Zero();                                 // of the camera, in its own frame: rad/s, m/s
-  double colour_delay = 0;                                              // seconds from the depth to the color image
+  double color_delay = 0;                                               // seconds from the depth to the color image
 };
 
 /// Color difference of two keyframes: logarithm of the ratio of the colors of `a` and `b`, median over `count` common
@@ -44,21 +44,21 @@ class TextureViews {
   /// mean. `step` is called after each keyframe. Returns true if any keyframe has color.
   bool compensate_exposure(const std::function<void()>& step = {});
   /// Estimates the pose and focal length of the color camera relative to the depth camera from points visible in
-  /// several keyframes (register_colour_camera()), for color that is not well registered to depth. Call
+  /// several keyframes (register_color_camera()), for color that is not well registered to depth. Call
   /// compensate_exposure() first.
-  void register_colour();
-  [[nodiscard]] const shader::ColourCamera& colour_camera() const { return colour_; }
+  void register_color();
+  [[nodiscard]] const shader::ColorCamera& color_camera() const { return color_; }
   /// Color gain of each keyframe, by channel.
   [[nodiscard]] const std::vector<Eigen::Vector3f>& gains() const { return gains_; }
 
   /// Colors the texture of the atlas. Returns the number of points visible in a keyframe; all other points get the
   /// color of `unseen`, if given, else of the mesh's vertices. `step` is called after each batch with its share of the
   /// work.
-  std::size_t blend(TextureAtlas& atlas, const VoxelColours* unseen = nullptr,
+  std::size_t blend(TextureAtlas& atlas, const VoxelColors* unseen = nullptr,
                     const std::function<void(double share)>& step = {});
 
   /// Discards the images on the device, since the volume now holds another part of the map.
-  void forget();
+  void discard_images();
 
   /// Texel size at which no detail of the keyframes is lost: meters, median over the points.
   [[nodiscard]] float texel_size(const Mesh& mesh) const;
@@ -69,7 +69,7 @@ class TextureViews {
   struct OnDevice {
     std::size_t keyframe = 0;
     std::uint64_t last_use = 0;
-    bool has_colour = false;
+    bool has_color = false;
     gpu::Buffer pixels, blurred;
   };
   struct SeenPoints {  // with their colors in the keyframe of origin
@@ -78,17 +78,17 @@ class TextureViews {
   };
   struct Tile;  // of the atlas
   struct BlendBuffers;
-  void bring(std::span<const std::size_t> keyframes);
+  void load_images(std::span<const std::size_t> keyframes);
   [[nodiscard]] const OnDevice& on_device(std::size_t keyframe) const;
   [[nodiscard]] std::vector<shader::Texel> points_of(std::size_t keyframe, int columns, int rows);
   /// Colors of points in a keyframe on the device, `sharp` or low frequencies only: bytes R, G, B, 255; 0: not visible.
   [[nodiscard]] std::vector<std::uint32_t> sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
-                                                  const shader::ColourCamera& colour, bool sharp);
+                                                  const shader::ColorCamera& color, bool sharp);
   [[nodiscard]] std::vector<ExposurePair> compare_exposures(std::size_t keyframe, const SeenPoints& earlier);
   [[nodiscard]] static std::vector<Tile> in_morton_order(const TextureAtlas& atlas);
   /// Keyframes with the most visible tiles, at most as many as the device holds.
   [[nodiscard]] std::vector<std::size_t> keyframes_that_see(std::span<const Tile> tiles) const;
-  /// Colors tiles into `tile_colours`: bytes R, G, B, and 255 if the point is visible in a keyframe.
+  /// Colors tiles into `tile_colors`: bytes R, G, B, and 255 if the point is visible in a keyframe.
   void blend_tiles(const TextureAtlas& atlas, std::span<const Tile> tiles, BlendBuffers& buffers);
   [[nodiscard]] shader::TextureView view_of(std::size_t keyframe) const;
   [[nodiscard]] bool may_see(std::size_t keyframe, const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const;
@@ -97,13 +97,13 @@ class TextureViews {
   gpu::Device& device_;
   float max_depth_;
   Preprocessor preprocessor_;
-  ColourView in_colour_;
+  ColorView in_color_;
   Camera camera_;  // the color camera, undistorted
   Raycaster raycaster_;
   std::vector<TextureKeyframe> keyframes_;
   std::vector<Eigen::Isometry3f> camera_from_world_;
   std::vector<Eigen::Vector3f> gains_;
-  shader::ColourCamera colour_{{0, 0, 0}, {0, 0, 0}, 1};
+  shader::ColorCamera color_{{0, 0, 0}, {0, 0, 0}, 1};
   GetImage get_image_;
   std::size_t capacity_;
   std::uint64_t use_ = 0;
@@ -112,7 +112,7 @@ class TextureViews {
   gpu::Kernel<shader::TexturePreparePush> prepare_, blur_;
   gpu::Kernel<shader::TextureBlendPush> select_, blend_;
   gpu::Kernel<shader::TextureSamplePush> sample_;
-  gpu::Buffer sample_view_, sample_points_, sample_colours_;  // grow on demand
+  gpu::Buffer sample_view_, sample_points_, sample_colors_;  // grow on demand
 };
 
 /// Least-squares gains that equalize pairs of keyframes, with a weak prior at 1 (similar to Brown & Lowe 2007).

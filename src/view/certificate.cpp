@@ -23,10 +23,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr long kDay = 24 * 3600;                        // seconds
-constexpr long kValid = 397 * kDay;                     // maximum validity accepted by browsers
-constexpr long kSoon = 7 * kDay;                        // renewal margin before the end
-constexpr std::size_t kLargest = std::size_t{1} << 16;  // maximum file size in bytes
+constexpr long kDay = 24 * 3600;                            // seconds
+constexpr long kValidity = 397 * kDay;                      // maximum validity accepted by browsers
+constexpr long kRenewalMargin = 7 * kDay;                   // renewal margin before the end
+constexpr std::size_t kMaxFileSize = std::size_t{1} << 16;  // maximum file size in bytes
 
 template <class T, void (*free)(T*)>
 struct Free {
@@ -37,8 +37,9 @@ using X = std::unique_ptr<X509, Free<X509, X509_free>>;
 using Extension = std::unique_ptr<X509_EXTENSION, Free<X509_EXTENSION, X509_EXTENSION_free>>;
 using Bytes = std::unique_ptr<BIO, Free<BIO, BIO_free_all>>;
 
-void require(bool is_so) {
-  if (!is_so) throw std::runtime_error("OpenSSL makes no certificate; the page cannot be served to other devices");
+void require(bool condition) {
+  if (!condition)
+    throw std::runtime_error("OpenSSL cannot create a certificate; the page cannot be served to other devices");
 }
 
 Bytes bytes_of(const std::string& text) { return Bytes(BIO_new_mem_buf(text.data(), static_cast<int>(text.size()))); }
@@ -69,7 +70,7 @@ X self_signed(EVP_PKEY& key, const std::vector<std::string>& addresses) {
   require(RAND_bytes(reinterpret_cast<unsigned char*>(&serial), sizeof serial) == 1);
   ASN1_INTEGER_set_uint64(X509_get_serialNumber(&x), serial >> 1);
   X509_gmtime_adj(X509_getm_notBefore(&x), -kDay);  // tolerates clock differences
-  X509_gmtime_adj(X509_getm_notAfter(&x), kValid - kDay);
+  X509_gmtime_adj(X509_getm_notAfter(&x), kValidity - kDay);
   require(X509_set_pubkey(&x, &key) == 1);
   X509_NAME* name = X509_get_subject_name(&x);
   const auto* words = reinterpret_cast<const unsigned char*>("Cairn on this network");
@@ -85,7 +86,7 @@ X self_signed(EVP_PKEY& key, const std::vector<std::string>& addresses) {
   return certificate;
 }
 
-Certificate made_for(const std::vector<std::string>& addresses) {
+Certificate create_for(const std::vector<std::string>& addresses) {
   const Key key(EVP_EC_gen("P-256"));
   require(key != nullptr);
   const X certificate = self_signed(*key, addresses);
@@ -105,7 +106,7 @@ std::string read_private(const fs::path& file) {
   std::string text;
   if (fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode) && status.st_uid == geteuid() &&
       (status.st_mode & 077) == 0) {
-    text.resize(kLargest);
+    text.resize(kMaxFileSize);
     const ssize_t size = read(descriptor, text.data(), text.size());
     text.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
   }
@@ -114,38 +115,38 @@ std::string read_private(const fs::path& file) {
 }
 
 /// The stored certificate, if valid for these addresses.
-std::optional<Certificate> kept_for(const std::vector<std::string>& addresses, const fs::path& file) {
+std::optional<Certificate> stored_for(const std::vector<std::string>& addresses, const fs::path& file) {
   const std::string pem = read_private(file);
   const Key key(PEM_read_bio_PrivateKey(bytes_of(pem).get(), nullptr, nullptr, nullptr));
   const X certificate(PEM_read_bio_X509(bytes_of(pem).get(), nullptr, nullptr, nullptr));
   if (!key || !certificate || X509_check_private_key(certificate.get(), key.get()) != 1) return std::nullopt;
-  time_t soon = time(nullptr) + kSoon;
-  if (X509_cmp_time(X509_get0_notAfter(certificate.get()), &soon) <= 0) return std::nullopt;
+  time_t renewal_time = time(nullptr) + kRenewalMargin;
+  if (X509_cmp_time(X509_get0_notAfter(certificate.get()), &renewal_time) <= 0) return std::nullopt;
   for (const std::string& address : addresses)
     if (X509_check_ip_asc(certificate.get(), address.c_str(), 0) != 1) return std::nullopt;
   return Certificate{.pem = pem, .fingerprint = fingerprint_of(*certificate)};
 }
 
 /// Writes a file readable only by its owner from creation on. Returns false on failure.
-bool keep(const std::string& pem, const fs::path& file) {
+bool store(const std::string& pem, const fs::path& file) {
   std::error_code error;
   fs::create_directories(file.parent_path(), error);
   std::string temporary = file.string() + ".XXXXXX";
   const int descriptor = mkostemp(temporary.data(), O_CLOEXEC);  // mode 0600
   if (descriptor < 0) return false;
   const bool is_written = write(descriptor, pem.data(), pem.size()) == static_cast<ssize_t>(pem.size());
-  const bool is_kept = close(descriptor) == 0 && is_written && rename(temporary.c_str(), file.c_str()) == 0;
-  if (!is_kept) unlink(temporary.c_str());
-  return is_kept;
+  const bool is_stored = close(descriptor) == 0 && is_written && rename(temporary.c_str(), file.c_str()) == 0;
+  if (!is_stored) unlink(temporary.c_str());
+  return is_stored;
 }
 
 }  // namespace
 
 Certificate certificate_for(const std::vector<std::string>& addresses, const fs::path& file) {
-  if (auto kept = file.empty() ? std::nullopt : kept_for(addresses, file)) return *std::move(kept);
-  Certificate made = made_for(addresses);
-  if (!file.empty()) (void)keep(made.pem, file);
-  return made;
+  if (auto stored = file.empty() ? std::nullopt : stored_for(addresses, file)) return *std::move(stored);
+  Certificate created = create_for(addresses);
+  if (!file.empty()) (void)store(created.pem, file);
+  return created;
 }
 
 fs::path state_folder() {

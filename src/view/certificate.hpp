@@ -14,8 +14,8 @@ struct Certificate {
 };
 
 /// Certificate for these IP addresses and `localhost`. Returns the certificate in `file` if it is valid for them and
-/// not about to expire, else a new certificate, stored there readable only by its owner, so that a phone needs to trust
-/// it only once. If `file` is empty or not writable, the new certificate is not stored.
+/// not about to expire, else a new certificate, stored there readable only by its owner, so that a phone asks for trust
+/// only once. If `file` is empty or not writable, the new certificate is not stored.
 [[nodiscard]] Certificate certificate_for(const std::vector<std::string>& addresses, const std::filesystem::path& file);
 
 /// Folder for persistent program state by the XDG base directories; empty if there is none.

@@ -7,9 +7,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "cairn/file_name.hpp"
-#include "cairn/mesh.hpp"
-#include "mesh/coloured_parts.hpp"
+#include "base/file_name.hpp"
+#include "cairn/mapping/mesh.hpp"
+#include "mesh/colored_parts.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/points.hpp"
 #include "mesh/topology.hpp"
@@ -27,7 +27,7 @@ constexpr const char *kPly = "mesh.ply", *kObj = "mesh-obj.zip", *kPoints = "poi
 
 void write_points(const fs::path& mesh, const fs::path& file) {
   SurfacePoints points(kPointSpacing);
-  for (const Mesh& part : coloured_parts(mesh)) points.add(part);
+  for (const Mesh& part : colored_parts(mesh)) points.add(part);
   write_ply(file, points.points());
 }
 
@@ -64,7 +64,7 @@ std::vector<Download> finished_files(const fs::path& folder, bool is_textured) {
   const std::pair<const char*, const char*> kFiles[] = {
       {"mesh.glb", is_textured ? "textured mesh, for Blender and viewers" : "mesh, for Blender and viewers"},
       {"preview.glb", "smaller mesh, for web pages"},
-      {"map.vdb", "distances, observations and colours, for OpenVDB and cairn"},
+      {"map.vdb", "distances, observations and colors, for OpenVDB and cairn"},
       {"trajectory.txt", "the camera's path, in the TUM format"},
       {"graph.g2o", "keyframes and loops, for pose graph programs"},
       {"graph.svg", "a drawing of the path from above"},
@@ -87,14 +87,14 @@ struct MadeDownloads::State {
 MadeDownloads::MadeDownloads(fs::path mesh) : state_(std::make_shared<State>()) { state_->mesh = std::move(mesh); }
 
 std::vector<Download> MadeDownloads::list() const {
-  return {{kPly, "mesh with colours, for MeshLab and CloudCompare", {}},
+  return {{kPly, "mesh with colors, for MeshLab and CloudCompare", {}},
           {kObj, "mesh as Wavefront OBJ with its texture", {}},
           {kPoints, "points 1 cm apart", {}}};
 }
 
 Served MadeDownloads::served(const std::string& name) const {
   const auto write = [state = state_, name](const fs::path& file) {
-    if (name == kPly) return write_ply(file, joined(coloured_parts(state->mesh)));
+    if (name == kPly) return write_ply(file, joined(colored_parts(state->mesh)));
     if (name == kObj) return write_obj_zip(state->mesh, file);
     if (name == kPoints) return write_points(state->mesh, file);
     throw std::logic_error(name + ": is not offered");

@@ -35,7 +35,7 @@ std::vector<Feed::Item> Feed::since(std::uint64_t version) const {
 
 Feed::Size Feed::size() const {
   const std::lock_guard lock(mutex_);
-  Size size{.things = items_.size(), .bytes = 0, .requests = requests_.size()};
+  Size size{.items = items_.size(), .bytes = 0, .requests = requests_.size()};
   for (const auto& [name, item] : items_) size.bytes += name.size() + item.bytes->size();
   return size;
 }

@@ -29,7 +29,7 @@ class Feed {
 
   /// Contents: number of items, their bytes, and waiting requests.
   struct Size {
-    std::size_t things = 0, bytes = 0, requests = 0;
+    std::size_t items = 0, bytes = 0, requests = 0;
   };
   [[nodiscard]] Size size() const;
 

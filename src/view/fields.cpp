@@ -9,21 +9,22 @@
 #include <cmath>
 #include <limits>
 
-#include "volume/grids.hpp"
+#include "volume/vdb/map_vdb.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr float kMaxDistance = 2;        // meters, as in EsdfOptions
-constexpr float kMargin = 0.02f;         // voxels, as in esdf_sites.comp
-constexpr float kLeastWeight = 0.1f;     // of a surface, as FuseOptions::min_mesh_weight
-constexpr std::size_t kMostPoses = 200;  // maximum number of poses used to estimate viewing distances
-constexpr float kHalfView = 0.6f;  // radians around the optical axis; a Kinect's 57 x 43 degrees are 0.6 to a corner
-constexpr float kNever = std::numeric_limits<float>::max();
+constexpr float kMaxDistance = 2;       // meters, as in EsdfOptions
+constexpr float kMargin = 0.02f;        // voxels, as in esdf_sites.comp
+constexpr float kMinWeight = 0.1f;      // of a surface, as FuseOptions::min_mesh_weight
+constexpr std::size_t kMaxPoses = 200;  // maximum number of poses used to estimate viewing distances
+constexpr float kMaxViewAngle =
+    0.6f;  // radians around the optical axis; a Kinect's 57 x 43 degrees are 0.6 to a corner
+constexpr float kUnknown = std::numeric_limits<float>::max();
 
 struct Cell {
   Eigen::Vector3f site = Eigen::Vector3f::Zero();  // nearest known surface point, world
-  float squared = kNever;                          // distance to the site from the cell center, squared
+  float squared = kUnknown;                        // distance to the site from the cell center, squared
   float sum = 0;                                   // of distances in the cell
   int observed = 0;                                // cubes of 2x2x2 voxels
   float weight = 0, surface_weight = 0;            // sums
@@ -34,7 +35,7 @@ struct Cell {
 /// at truncation distance in front of a surface.
 struct Cube {
   int seen = 0, free = 0;                                  // observed voxels, and free voxels
-  float least_weight = kNever, mean_weight = 0, mean = 0;  // mean: meters
+  float min_weight = kUnknown, mean_weight = 0, mean = 0;  // mean: meters
   Eigen::Vector3f gradient = Eigen::Vector3f::Zero();      // meters per voxel
 };
 Cube cube_at(const MapFile::Voxels& voxels, float truncation, int x, int y, int z) {
@@ -46,7 +47,7 @@ Cube cube_at(const MapFile::Voxels& voxels, float truncation, int x, int y, int 
     const float distance = is_free ? truncation : voxels.distances[n], weight = is_free ? 1 : voxels.weights[n];
     cube.free += is_free;
     cube.seen += voxels.weights[n] > 0;
-    cube.least_weight = std::min(cube.least_weight, weight);
+    cube.min_weight = std::min(cube.min_weight, weight);
     cube.mean_weight += weight / 8;
     cube.mean += distance / 8;
     cube.gradient += (2 * at.array() - 1).matrix().cast<float>() * distance / 4;
@@ -56,7 +57,7 @@ Cube cube_at(const MapFile::Voxels& voxels, float truncation, int x, int y, int 
 
 class Grid {
  public:
-  Grid(const BrickBox& bricks, const GridInfo& info, std::size_t most)
+  Grid(const BrickBox& bricks, const GridInfo& info, std::size_t max_cells)
       : voxel_size_(info.voxel_size),
         truncation_(info.truncation),
         world_from_voxels_(info.upright.world_from_tracked.cast<float>()) {
@@ -70,7 +71,7 @@ class Grid {
     do {
       scale_ += 2;
       size_ = (box.sizes() / spacing() - Eigen::Vector3f::Constant(1e-3f)).array().ceil().cast<int>().max(1);
-    } while (size_.cast<double>().prod() > static_cast<double>(most));
+    } while (size_.cast<double>().prod() > static_cast<double>(max_cells));
     cells_.resize(static_cast<std::size_t>(size_.prod()));
   }
 
@@ -85,7 +86,7 @@ class Grid {
 
   /// Propagates the nearest surface point of each cell to its neighbors in forward and backward sweeps, each from the
   /// 13 preceding neighbors. A second pair of sweeps covers paths around corners.
-  void spread() {
+  void propagate() {
     const Eigen::Vector3i last = size_.array() - 1;
     for (const int sign : {1, -1, 1, -1}) {
       for (int k = 0; k < size_.z(); ++k)
@@ -119,7 +120,7 @@ class Grid {
   [[nodiscard]] Eigen::Vector3f world_of(const Eigen::Array3f& voxel) const {
     return world_from_voxels_ * Eigen::Vector3f(voxel_size_ * voxel);
   }
-  [[nodiscard]] Eigen::Vector3f centre(const Eigen::Vector3i& c) const {
+  [[nodiscard]] Eigen::Vector3f center(const Eigen::Vector3i& c) const {
     return origin() + spacing() * c.cast<float>();
   }
 
@@ -132,7 +133,7 @@ class Grid {
     cell.sum += cube.mean;
     cell.weight += cube.mean_weight;
     const float slope = cube.gradient.norm();
-    const bool passes = cube.free == 0 && cube.least_weight >= kLeastWeight && slope > 1e-3f * voxel_size_ &&
+    const bool passes = cube.free == 0 && cube.min_weight >= kMinWeight && slope > 1e-3f * voxel_size_ &&
                         std::abs(cube.mean) <= cube.gradient.lpNorm<1>() + kMargin * slope;
     if (!passes) return;
     ++cell.surfaces;
@@ -143,12 +144,12 @@ class Grid {
   void offer(const Eigen::Vector3i& to, const Eigen::Vector3f& site) {
     if (!contains(to)) return;
     Cell& cell = cells_[index(to)];
-    const float squared = (centre(to) - site).squaredNorm();
+    const float squared = (center(to) - site).squaredNorm();
     if (squared < cell.squared) cell.squared = squared, cell.site = site;
   }
   void take(const Eigen::Vector3i& to, const Eigen::Vector3i& from) {
     if (!contains(from)) return;
-    if (const Cell& cell = cells_[index(from)]; cell.squared < kNever) offer(to, cell.site);
+    if (const Cell& cell = cells_[index(from)]; cell.squared < kUnknown) offer(to, cell.site);
   }
   [[nodiscard]] float mean_surface_weight(const Eigen::Vector3i& c) const;
 
@@ -160,15 +161,15 @@ class Grid {
   std::vector<Cell> cells_;
 };
 
-std::uint8_t byte_of(float value, float least = 1) {
-  return static_cast<std::uint8_t>(std::lround(std::clamp(value, least, 255.0f)));
+std::uint8_t byte_of(float value, float min_value = 1) {
+  return static_cast<std::uint8_t>(std::lround(std::clamp(value, min_value, 255.0f)));
 }
 
 /// Noise term of a surface measurement, sum(w^2 sigma^2) / sum(w) over the viewing distances; see make_fields.
-class SeenFrom {
+class ViewingNoise {
  public:
-  SeenFrom(const SensorModel& sensor, const Trajectory& path) : sensor_(sensor) {
-    const std::size_t step = path.size() / kMostPoses + 1;
+  ViewingNoise(const SensorModel& sensor, const Trajectory& path) : sensor_(sensor) {
+    const std::size_t step = path.size() / kMaxPoses + 1;
     for (std::size_t i = 0; i < path.size(); i += step)
       camera_from_world_.push_back(path[i].world_from_camera.inverse().cast<float>());
   }
@@ -176,7 +177,8 @@ class SeenFrom {
     float cost = 0, weights = 0;
     for (const Eigen::Isometry3f& camera_from_world : camera_from_world_) {
       const Eigen::Vector3f p = camera_from_world * point;
-      if (p.z() < sensor_.min_depth || p.z() > sensor_.max_depth || p.head<2>().norm() > std::tan(kHalfView) * p.z())
+      if (p.z() < sensor_.min_depth || p.z() > sensor_.max_depth ||
+          p.head<2>().norm() > std::tan(kMaxViewAngle) * p.z())
         continue;
       cost += cost_at(p.z()) * weight_at(p.z());
       weights += weight_at(p.z());
@@ -214,7 +216,7 @@ float Grid::mean_surface_weight(const Eigen::Vector3i& c) const {
 Fields Grid::fields(const SensorModel& sensor, const Trajectory& path) const {
   Fields f{.size = size_, .origin = origin(), .spacing = spacing(), .max_distance = kMaxDistance};
   for (auto* bytes : {&f.distance, &f.weight, &f.sigma}) bytes->resize(cells_.size());
-  const SeenFrom seen_from(sensor, path);
+  const ViewingNoise viewing_noise(sensor, path);
   const int half = std::max(1, scale_ * scale_ * scale_ / 16);  // of the cubes in a cell
   tbb::parallel_for(0, size_.z(), [&](int k) {
     for (int j = 0; j < size_.y(); ++j)
@@ -223,13 +225,14 @@ Fields Grid::fields(const SensorModel& sensor, const Trajectory& path) const {
         const std::size_t n = index(c);
         const Cell& cell = cells_[n];
         if (cell.observed >= half) {
-          const float distance = std::min(cell.squared < kNever ? std::sqrt(cell.squared) : kMaxDistance, kMaxDistance);
+          const float distance =
+              std::min(cell.squared < kUnknown ? std::sqrt(cell.squared) : kMaxDistance, kMaxDistance);
           f.distance[n] = byte_of(128 + 127 / kMaxDistance * (cell.sum < 0 ? -distance : distance));
         }
         const float surface = mean_surface_weight(c);
         if (surface > 0) {
           f.weight[n] = byte_of(surface);
-          f.sigma[n] = byte_of(1e4f * std::sqrt(seen_from(cell.site) / surface));
+          f.sigma[n] = byte_of(1e4f * std::sqrt(viewing_noise(cell.site) / surface));
         } else if (cell.observed > 0) {
           f.weight[n] = byte_of(cell.weight / static_cast<float>(cell.observed));
         }
@@ -247,13 +250,13 @@ void append(std::string& bytes, const Value& value) {
 }  // namespace
 
 Fields make_fields(const std::filesystem::path& vdb, const SensorModel& sensor, const Trajectory& path,
-                   std::size_t most) {
+                   std::size_t max_cells) {
   const MapFile map(vdb);
   const BrickBox bounds = map.bounds();
   if (bounds.isEmpty()) return {};
-  Grid grid(bounds, map.info(), most);
+  Grid grid(bounds, map.info(), max_cells);
   map.visit([&](const Eigen::Vector3i& brick, const MapFile::Voxels& voxels) { grid.add(brick, voxels); });
-  grid.spread();
+  grid.propagate();
   return grid.fields(sensor, path);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Distance, weight and uncertainty of a map on a coarse grid, for the web page; docs/formats.md describes the bytes.
+// Distance, weight and uncertainty of a map on a coarse grid, for the web page; docs/outputs.md describes the bytes.
 #pragma once
 #include <Eigen/Core>
 #include <cstdint>
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "cairn/sensor_model.hpp"
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/sensor_model.hpp"
+#include "cairn/mapping/trajectory.hpp"
 
 namespace cairn {
 
@@ -26,8 +26,8 @@ struct Fields {
 /// Maximum number of cells.
 inline constexpr std::size_t kMaxFieldCells = 1'000'000;
 
-/// Fields of a map.vdb, at the finest resolution with at most `most` cells. Surface points come from planes through
-/// 2x2x2 voxels as in shaders/esdf_sites.comp, distances from vector propagation (Danielsson 1980).
+/// Fields of a map.vdb, at the finest resolution with at most `max_cells` cells. Surface points come from planes
+/// through 2x2x2 voxels as in shaders/esdf_sites.comp, distances from vector propagation (Danielsson 1980).
 ///
 /// The weight W of a voxel is the sum of the weights w(z) of its measurements, see SensorModel. A weighted mean of
 /// independent measurements has the variance sum(w^2 sigma^2) / W^2 (propagation of errors: Bevington & Robinson 2003,
@@ -37,7 +37,7 @@ inline constexpr std::size_t kMaxFieldCells = 1'000'000;
 ///
 /// Throws std::runtime_error for a file that is not a map.
 [[nodiscard]] Fields make_fields(const std::filesystem::path& vdb, const SensorModel& sensor, const Trajectory& path,
-                                 std::size_t most = kMaxFieldCells);
+                                 std::size_t max_cells = kMaxFieldCells);
 
 /// Serializes the fields for the page.
 [[nodiscard]] std::string bytes_of(const Fields& fields);

@@ -22,7 +22,7 @@ std::runtime_error not_shown(const fs::path& file, const std::string& why) {
 }
 
 std::string reason_of(int error) {
-  if (error == ELOOP) return "is a link; put the file itself there";
+  if (error == ELOOP) return "it is a link; put the file itself there";
   return std::strerror(error);
 }
 
@@ -99,8 +99,8 @@ FileBelow::FileBelow(const fs::path& folder, const fs::path& name)
     : file_(folder / name), descriptor_(open_below(folder, name)) {
   if (descriptor_ >= 0) return;
   const int error = errno;
-  if (error == EXDEV) throw not_shown(file_, "is outside of " + folder.string());
-  if (error == ENXIO) throw not_shown(file_, "is a pipe or a device; put a file there");
+  if (error == EXDEV) throw not_shown(file_, "it is outside of " + folder.string());
+  if (error == ENXIO) throw not_shown(file_, "it is a pipe or a device; put a file there");
   throw not_shown(file_, reason_of(error));
 }
 
@@ -108,11 +108,11 @@ FileBelow::~FileBelow() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
-std::string FileBelow::read(std::size_t most) const {
+std::string FileBelow::read(std::size_t max_bytes) const {
   struct stat status {};
   if (fstat(descriptor_, &status) != 0) throw not_shown(file_, reason_of(errno));
-  if (static_cast<std::size_t>(status.st_size) > most)
-    throw not_shown(file_, fmt::format("has {} bytes, more than {}", status.st_size, most));
+  if (static_cast<std::size_t>(status.st_size) > max_bytes)
+    throw not_shown(file_, fmt::format("it has {} bytes, more than {}", status.st_size, max_bytes));
   std::string bytes(static_cast<std::size_t>(status.st_size), '\0');
   std::size_t done = 0;
   while (done < bytes.size()) {

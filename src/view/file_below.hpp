@@ -20,8 +20,8 @@ class FileBelow {
   FileBelow& operator=(const FileBelow&) = delete;
   /// Releases the descriptor to the caller, who closes it.
   [[nodiscard]] int release() { return std::exchange(descriptor_, -1); }
-  /// All bytes. Throws std::runtime_error for more than `most`.
-  [[nodiscard]] std::string read(std::size_t most) const;
+  /// All bytes. Throws std::runtime_error for more than `max_bytes`.
+  [[nodiscard]] std::string read(std::size_t max_bytes) const;
 
  private:
   std::filesystem::path file_;

@@ -14,11 +14,11 @@
 #include <vector>
 
 #include "base/json_text.hpp"
+#include "base/path_kind.hpp"
+#include "base/quoted.hpp"
 #include "base/read_json.hpp"
-#include "cairn/path_kind.hpp"
-#include "cairn/quoted.hpp"
-#include "cairn/trajectory.hpp"
-#include "cairn/viewer.hpp"
+#include "cairn/mapping/trajectory.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
 #include "view/file_below.hpp"
@@ -37,8 +37,8 @@ constexpr std::size_t kInlinePictures = 40;
 constexpr std::size_t kInlineCells = 300'000;         // of fields: 1.2 MB as text
 constexpr std::size_t kInlinePictureBytes = 600'000;  // limit for all pictures as text
 
-constexpr std::size_t kMostInline = 2 * kMaxInlineMesh;    // bytes, for a mesh growing during the read
-constexpr std::size_t kMostReport = std::size_t{1} << 30;  // bytes
+constexpr std::size_t kMaxInlineBytes = 2 * kMaxInlineMesh;    // bytes, for a mesh growing during the read
+constexpr std::size_t kMaxReportBytes = std::size_t{1} << 30;  // bytes
 
 std::string base64(const std::string& bytes) {
   using namespace boost::archive::iterators;
@@ -52,16 +52,15 @@ Json read_report(const fs::path& folder) {
   const fs::path file = folder / "report.json";
   if (!fs::exists(file) && fs::exists(folder / "session" / "state.cbor"))
     throw std::runtime_error(
-        fmt::format("{0}: its run has not ended, or it was killed: go on with cairn reconstruct RECORDING -o {1} "
-                    "--resume, or write "
-                    "what it has with cairn export {1} -o map.glb, and view that",
+        fmt::format("{0}: its run has not finished, or was killed: continue it with cairn reconstruct RECORDING -o {1} "
+                    "--resume, or export its map with cairn export {1} -o map.glb and view that file",
                     folder.string(), quoted(folder)));
   if (!fs::exists(file)) {
     if (const PathKind kind = kind_of_path(folder); kind.kind != PathKind::Kind::map)
-      throw std::runtime_error(kind.is_no(folder, "map") + "; give a folder that cairn has made");
-    throw std::runtime_error(file.string() + ": there is no such file; give a folder that cairn has made");
+      throw std::runtime_error(kind.mismatch(folder, "map") + "; give an output folder of cairn");
+    throw std::runtime_error(file.string() + ": there is no such file; give an output folder of cairn");
   }
-  const std::string bytes = FileBelow(folder, "report.json").read(kMostReport);
+  const std::string bytes = FileBelow(folder, "report.json").read(kMaxReportBytes);
   Json report;
   try {
     report = parsed_json(bytes);
@@ -70,7 +69,7 @@ Json read_report(const fs::path& folder) {
   } catch (const TooDeepJson& error) {
     throw std::runtime_error(file.string() + ": is damaged: " + error.what());
   }
-  if (!report.is_object()) throw std::runtime_error(file.string() + ": is damaged: it is no report");
+  if (!report.is_object()) throw std::runtime_error(file.string() + ": is damaged: it is not a report");
   return report;
 }
 
@@ -91,7 +90,7 @@ Json json_of(const Download& download, const std::string& url) {
 }
 
 /// Timestamps of the keyframes listed in a report.
-std::vector<double> searched(const Json& report) {
+std::vector<double> keyframe_times(const Json& report) {
   std::vector<double> times;
   try {
     for (const Json& keyframe : report.value("searched", Json::array())) times.push_back(keyframe.at(0));
@@ -107,7 +106,7 @@ struct FinishedMap::State {
   explicit State(const fs::path& f)
       : folder(f), report(read_report(f)), has_mesh_file(is_below(f, "mesh.glb")), has_grids(is_below(f, "map.vdb")) {
     if (is_below(folder, "trajectory.txt")) path = read_trajectory(folder / "trajectory.txt");
-    if (auto found = pictures_of(folder, searched(report))) pictures.emplace(*std::move(found));
+    if (auto found = pictures_of(folder, keyframe_times(report))) pictures.emplace(*std::move(found));
     const auto offset = report.find("clock_offset");
     if (pictures)
       keyframes =
@@ -199,10 +198,10 @@ std::map<std::string, Served> FinishedMap::served() const {
 Json FinishedMap::State::inlined_keyframes() const {
   const std::size_t count = std::min(kInlinePictures, keyframes.size());
   std::vector<std::string> small(count);
-  const auto chosen = [&](std::size_t i) { return i * keyframes.size() / count; };
+  const auto selected = [&](std::size_t i) { return i * keyframes.size() / count; };
   tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
     try {
-      small[i] = base64(small_picture(keyframes[chosen(i)].file, kInlinePictureWidth, kInlinePictureQuality));
+      small[i] = base64(small_picture(keyframes[selected(i)].file, kInlinePictureWidth, kInlinePictureQuality));
     } catch (const std::exception&) {
       // A missing picture is left out.
     }
@@ -213,7 +212,7 @@ Json FinishedMap::State::inlined_keyframes() const {
   Json json = Json::array();
   for (std::size_t i = 0; i < count; i += step)
     if (!small[i].empty())
-      json.push_back({{"time", keyframes[chosen(i)].time}, {"picture", "data:image/jpeg;base64," + small[i]}});
+      json.push_back({{"time", keyframes[selected(i)].time}, {"picture", "data:image/jpeg;base64," + small[i]}});
   return json;
 }
 
@@ -224,7 +223,7 @@ std::string FinishedMap::inlined() const {
     const fs::path preview = s.folder / "preview.glb";
     const bool fits = fs::file_size(mesh) <= kMaxInlineMesh;
     if (fits || is_below(s.folder, "preview.glb"))
-      data["mesh_base64"] = base64(FileBelow(s.folder, (fits ? mesh : preview).filename()).read(kMostInline));
+      data["mesh_base64"] = base64(FileBelow(s.folder, (fits ? mesh : preview).filename()).read(kMaxInlineBytes));
     else
       data["mesh_left_out"] = mesh.string();
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Data of a finished map for the web page; docs/formats.md describes the JSON fields.
+// Data of a finished map for the web page; docs/outputs.md describes the JSON fields.
 #pragma once
 #include <filesystem>
 #include <map>
@@ -30,7 +30,7 @@ class FinishedMap {
   std::shared_ptr<const State> state_;
 };
 
-/// Data of a single file: .glb, .gltf, .ply, .obj or .vdb. Formats unknown to browsers are converted to glTF first.
+/// Data of a single file: .glb, .gltf, .ply or .vdb. Formats unknown to browsers are converted to glTF first.
 /// Throws std::runtime_error for a file that cannot be read.
 [[nodiscard]] std::map<std::string, Served> served_file(const std::filesystem::path& file);
 

@@ -11,15 +11,15 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/mesh.hpp"
-#include "mesh/coloured_parts.hpp"
+#include "cairn/mapping/mesh.hpp"
+#include "mesh/colored_parts.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/topology.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr float kPerCell = 2.4f;  // mean number of surface triangles per occupied cell
+constexpr float kTrianglesPerCell = 2.4f;  // mean number of surface triangles per occupied cell
 
 float area_of(const Mesh& mesh) {
   double area = 0;
@@ -45,21 +45,21 @@ std::pair<std::vector<std::uint32_t>, std::size_t> cells_of(const Mesh& mesh, fl
 
 Mesh clustered(const Mesh& mesh, float size) {
   const auto [cell_of, count] = cells_of(mesh, size);
-  std::vector<Eigen::Vector3f> places(count, Eigen::Vector3f::Zero()), colours(count, Eigen::Vector3f::Zero());
+  std::vector<Eigen::Vector3f> centers(count, Eigen::Vector3f::Zero()), colors(count, Eigen::Vector3f::Zero());
   std::vector<float> members(count, 0);
   for (std::size_t v = 0; v < cell_of.size(); ++v) {
-    places[cell_of[v]] += mesh.positions[v];
+    centers[cell_of[v]] += mesh.positions[v];
     members[cell_of[v]] += 1;
-    if (mesh.colours.empty()) continue;
-    const auto& [r, g, b, a] = mesh.colours[v];
-    colours[cell_of[v]] += Eigen::Vector3f(r, g, b);
+    if (mesh.colors.empty()) continue;
+    const auto& [r, g, b, a] = mesh.colors[v];
+    colors[cell_of[v]] += Eigen::Vector3f(r, g, b);
   }
   Mesh coarse;
   for (std::size_t c = 0; c < count; ++c) {
-    coarse.positions.emplace_back(places[c] / members[c]);
-    if (mesh.colours.empty()) continue;
-    const auto byte = [&](int i) { return static_cast<std::uint8_t>(std::lround(colours[c][i] / members[c])); };
-    coarse.colours.push_back({byte(0), byte(1), byte(2), 255});
+    coarse.positions.emplace_back(centers[c] / members[c]);
+    if (mesh.colors.empty()) continue;
+    const auto byte = [&](int i) { return static_cast<std::uint8_t>(std::lround(colors[c][i] / members[c])); };
+    coarse.colors.push_back({byte(0), byte(1), byte(2), 255});
   }
   for (const auto& t : mesh.triangles) {
     std::array<std::uint32_t, 3> moved{cell_of[t[0]], cell_of[t[1]], cell_of[t[2]]};
@@ -75,9 +75,9 @@ Mesh clustered(const Mesh& mesh, float size) {
 }  // namespace
 
 std::string first_mesh(const std::filesystem::path& file, std::size_t triangles) {
-  Mesh mesh = joined(coloured_parts(file));
+  Mesh mesh = joined(colored_parts(file));
   if (mesh.triangles.size() > triangles)
-    mesh = clustered(mesh, std::sqrt(kPerCell * area_of(mesh) / static_cast<float>(triangles)));
+    mesh = clustered(mesh, std::sqrt(kTrianglesPerCell * area_of(mesh) / static_cast<float>(triangles)));
   mesh.normals.clear();
   GltfWriter writer;
   writer.add("first", mesh);

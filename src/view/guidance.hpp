@@ -8,9 +8,9 @@
 #include <optional>
 #include <string>
 
-#include "cairn/frame.hpp"
-#include "cairn/options.hpp"
-#include "cairn/reports.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/mapping/options.hpp"
+#include "cairn/mapping/reports.hpp"
 
 namespace cairn {
 
@@ -27,7 +27,7 @@ struct ImageContent {
 
 /// In order of increasing urgency.
 enum class Hint { good, covered, dark, side, weak, far, close, slow, back };
-[[nodiscard]] const char* name_of(Hint hint);
+[[nodiscard]] const char* to_string(Hint hint);
 
 struct Advice {
   Hint hint = Hint::good;
@@ -43,12 +43,12 @@ class Guidance {
   explicit Guidance(const Camera& depth, const SurfaceOptions& range = {});
 
   /// Adds a processed frame. `pose`: world_from_camera of a fused frame; `now`: seconds of a monotonic clock.
-  void see(const FrameReport& report, const ImageContent& content, const std::optional<Eigen::Isometry3d>& pose,
-           double now);
+  void add_frame(const FrameReport& report, const ImageContent& content, const std::optional<Eigen::Isometry3d>& pose,
+                 double now);
   /// Sets how well the visible surface has been observed, 0..1; see coverage_of.
-  void cover(double coverage) { coverage_ = coverage; }
+  void set_coverage(double coverage) { coverage_ = coverage; }
   /// Adds frames dropped after the last frame because the computer was busy.
-  void leave_out(int frames);
+  void add_dropped(int frames);
   /// Current advice.
   [[nodiscard]] Advice advice() const;
 
@@ -59,23 +59,23 @@ class Guidance {
     bool holds = false;
   };
   void measure(Hint hint, double value, double step);
-  void follow(const FrameReport& report, const Eigen::Isometry3d& pose, double median);
-  void choose(double now);
+  void update_motion(const FrameReport& report, const Eigen::Isometry3d& pose, double median);
+  void select_hint(double now);
 
   Camera camera_;
   SurfaceOptions range_;
   std::array<Measure, kHints> measures_;
   double coverage_ = 0, median_ = 0;
-  double kept_ = 1;         // share of the incoming frames that are processed, smoothed
-  bool is_behind_ = false;  // true if the motion is slow enough, but dropped frames make the steps too large
-  double speed_ = 0;        // of the last frame, as a ratio to the limit of tracking
+  double processed_ratio_ = 1;  // share of the incoming frames that are processed, smoothed
+  bool drops_frames_ = false;   // true if the motion is slow enough, but dropped frames make the steps too large
+  double speed_ = 0;            // of the last frame, as a ratio to the limit of tracking
   Eigen::Vector2d flow_ = Eigen::Vector2d::Zero();  // image motion of the center point: tangent of the angle, 1/s
   std::optional<std::pair<double, Eigen::Isometry3d>> last_pose_;  // timestamp, world_from_camera
-  std::optional<double> seen_, found_;                             // `now` of the last frame; time of the last recovery
+  std::optional<double> last_frame_time_, recovered_time_;         // `now` of the last frame; time of the last recovery
   std::optional<Eigen::Vector2d> turn_;
-  bool begins_ = true;
+  bool is_starting_ = true;
   Hint shown_ = Hint::good;
-  double shown_since_ = 0, now_ = 0;
+  double shown_time_ = 0, now_ = 0;
 };
 
 }  // namespace cairn

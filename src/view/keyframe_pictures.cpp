@@ -15,8 +15,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kSame = 1e-4;                                // seconds: rounding of the files
-constexpr std::size_t kMostPicture = std::size_t{256} << 20;  // bytes
+constexpr double kMaxTimeDifference = 1e-4;                       // seconds: rounding of the files
+constexpr std::size_t kMaxPictureBytes = std::size_t{256} << 20;  // bytes
 
 }  // namespace
 
@@ -25,7 +25,7 @@ std::optional<SessionPictures> pictures_of(const std::filesystem::path& folder, 
   if (timestamps.empty() || !is_below(session, "state.cbor")) return std::nullopt;
   try {
     SessionPictures pictures = read_pictures(session);
-    const auto is_same = [](double a, double b) { return std::abs(a - b) < kSame; };
+    const auto is_same = [](double a, double b) { return std::abs(a - b) < kMaxTimeDifference; };
     if (std::equal(timestamps.begin(), timestamps.end(), pictures.timestamps.begin(), pictures.timestamps.end(),
                    is_same))
       return pictures;
@@ -41,12 +41,12 @@ std::vector<KeyframePicture> pictures_along(const Trajectory& path, const Sessio
   double next = std::numeric_limits<double>::infinity();
   for (std::size_t k = pictures.timestamps.size(); k-- > 0;) {  // the last recording's keyframes are at the end
     const double time = pictures.timestamps[k] + clock_offset;
-    if (time >= next || path.empty() || time < path.front().timestamp - kSame) break;
+    if (time >= next || path.empty() || time < path.front().timestamp - kMaxTimeDifference) break;
     next = time;
-    const auto pose = std::lower_bound(path.begin(), path.end(), time - kSame,
+    const auto pose = std::lower_bound(path.begin(), path.end(), time - kMaxTimeDifference,
                                        [](const StampedPose& p, double t) { return p.timestamp < t; });
-    if (pose == path.end() || pose->timestamp > time + kSame) continue;
-    if (const auto file = colour_file(pictures.keyframes, k); is_below(file.parent_path(), file.filename()))
+    if (pose == path.end() || pose->timestamp > time + kMaxTimeDifference) continue;
+    if (const auto file = color_file(pictures.keyframes, k); is_below(file.parent_path(), file.filename()))
       along.push_back({.time = pose->timestamp, .file = file});
   }
   std::reverse(along.begin(), along.end());
@@ -56,7 +56,7 @@ std::vector<KeyframePicture> pictures_along(const Trajectory& path, const Sessio
 std::string small_picture(const std::filesystem::path& file, int width, int quality) {
   std::vector<std::uint8_t> bytes;
   try {
-    const std::string read = FileBelow(file.parent_path(), file.filename()).read(kMostPicture);
+    const std::string read = FileBelow(file.parent_path(), file.filename()).read(kMaxPictureBytes);
     bytes.assign(read.begin(), read.end());
     cv::Mat image = decode_image(bytes, Pixels::rgb);
     if (image.cols > width) {

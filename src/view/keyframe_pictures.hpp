@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/trajectory.hpp"
 #include "session/session_files.hpp"
 
 namespace cairn {
@@ -22,7 +22,7 @@ struct KeyframePicture {
   std::filesystem::path file;
 };
 /// Pictures of the keyframes along a trajectory, in its order, without keyframes of earlier recordings and of other
-/// components. `clock_offset`: see trajectory.txt in docs/formats.md.
+/// components. `clock_offset`: see trajectory.txt in docs/outputs.md.
 [[nodiscard]] std::vector<KeyframePicture> pictures_along(const Trajectory& path, const SessionPictures& pictures,
                                                           double clock_offset);
 

@@ -12,8 +12,8 @@
 
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
-#include "cairn/live_surface.hpp"
-#include "cairn/viewer.hpp"
+#include "cairn/mapping/live_surface.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "view/finished_map.hpp"
 #include "view/guidance.hpp"
 #include "view/messages.hpp"
@@ -25,10 +25,10 @@ namespace {
 
 using namespace std::chrono_literals;
 constexpr auto kSurfaceEvery = 120ms, kImagesEvery = 200ms, kStateEvery = 100ms;
-constexpr auto kUprightEvery = 1s;  // interval of the gravity vote
-constexpr auto kRecent = 2s;        // window for frame rates
-constexpr int kBricksAtOnce = 120;  // of the surface: maximum per update, cheaper than a frame
-constexpr int kManySkipped = 5;     // number of consecutive skipped frames before a notice
+constexpr auto kUprightEvery = 1s;        // interval of the gravity vote
+constexpr auto kRateWindow = 2s;          // window for frame rates
+constexpr int kMaxBricksPerUpdate = 120;  // of the surface: maximum per update, cheaper than a frame
+constexpr int kMaxSkipped = 5;            // number of consecutive skipped frames before a notice
 constexpr const char* kFinishedData = "finished.json";
 
 double memory_mb() {
@@ -53,6 +53,14 @@ double seconds_of(std::chrono::steady_clock::time_point time) {
   return std::chrono::duration<double>(time.time_since_epoch()).count();
 }
 
+/// True if the images have the sizes of the rig. Mapper::add skips other frames.
+bool has_sizes_of(const Frame& frame, const Rig& rig) {
+  const auto fits = [](const auto& image, const Camera& camera) {
+    return image.size() == static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  };
+  return !frame.problem && fits(frame.depth, rig.depth) && (frame.color.empty() || fits(frame.color, rig.color_view()));
+}
+
 }  // namespace
 
 struct LiveViewer::State {
@@ -69,7 +77,7 @@ struct LiveViewer::State {
   Options options;
   std::optional<Guidance> guidance;
   ImageContent content;  // of the last frame
-  std::optional<Upright> upright;
+  std::optional<GravityAlignment> upright;
   int epoch = 0, dropped = 0, sent_parts = 0, frames_before = 0;
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
@@ -112,19 +120,19 @@ void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options, i
   s.send_state("waiting", "Waiting for the first frame");
 }
 
-LiveViewer::Asked LiveViewer::asked() {
+LiveViewer::ViewerCommands LiveViewer::commands() {
   State& s = *state_;
-  Asked asked;
+  ViewerCommands commands;
   for (const std::string& request : s.feed.take_requests()) {
     const auto j = parsed_json_or_none(request);
     if (!j.is_object() || !j.contains("do")) continue;  // invalid request
-    if (j["do"] == "pause") asked.pause = true;
-    if (j["do"] == "start") asked.pause = false;
-    if (j["do"] == "reset") asked.reset = true;
-    if (j["do"] == "finish") asked.finish = true;
+    if (j["do"] == "pause") commands.pause = true;
+    if (j["do"] == "start") commands.pause = false;
+    if (j["do"] == "reset") commands.reset = true;
+    if (j["do"] == "finish") commands.finish = true;
     if (j["do"] == "shown") ++s.shown;
   }
-  return asked;
+  return commands;
 }
 
 void LiveViewer::fused(const Frame& frame, const FrameReport& report, double latency_ms) {
@@ -134,17 +142,18 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
   if (!s.first_frame) s.first_frame = now;
   s.last = report;
   s.skipped = report.state == FrameState::skipped ? s.skipped + 1 : 0;
-  if (!frame.problem) s.content = content_of(frame, s.rig, s.options.surface);
+  const bool is_shown = has_sizes_of(frame, s.rig);
+  if (is_shown) s.content = content_of(frame, s.rig, s.options.surface);
   std::optional<Eigen::Isometry3d> pose;
   if (report.state == FrameState::fused || report.state == FrameState::held_out)
     if (const Trajectory path = s.mapper->path(2); !path.empty()) pose = path.back().world_from_camera;
-  s.guidance->see(report, s.content, pose, seconds_of(now));
+  s.guidance->add_frame(report, s.content, pose, seconds_of(now));
   s.is_fresh = true;
-  ++s.counts[std::string(name_of(report.state))];
+  ++s.counts[std::string(to_string(report.state))];
   s.recent.emplace_back(now, latency_ms);
-  if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && !frame.problem) {
+  if (s.feed.viewers() > 0 && now - s.images_sent > kImagesEvery && is_shown) {
     s.images_sent = now;
-    if (!frame.colour.empty()) s.feed.set("colour", colour_message(frame, s.rig.colour_view()));
+    if (!frame.color.empty()) s.feed.set("color", color_message(frame, s.rig.color_view()));
     s.feed.set("depth", depth_message(frame, s.rig.depth, s.options.surface.max_depth));
   }
 }
@@ -152,14 +161,14 @@ void LiveViewer::fused(const Frame& frame, const FrameReport& report, double lat
 void LiveViewer::update(bool paused, int dropped) {
   State& s = *state_;
   const auto now = State::Clock::now();
-  if (std::exchange(s.is_fresh, false)) s.guidance->leave_out(dropped - std::exchange(s.dropped, dropped));
-  while (!s.recent.empty() && now - s.recent.front().first > kRecent) s.recent.pop_front();
+  if (std::exchange(s.is_fresh, false)) s.guidance->add_dropped(dropped - std::exchange(s.dropped, dropped));
+  while (!s.recent.empty() && now - s.recent.front().first > kRateWindow) s.recent.pop_front();
   if (now - s.surface_sent > kSurfaceEvery) s.send_surface(paused);  // also for late viewers
   if (s.feed.viewers() == 0 || now - s.state_sent < kStateEvery) return;
   if (!s.any) return s.send_state("waiting", "Waiting for the first frame");
-  if (s.skipped > kManySkipped && !paused) return s.send_state("weak", "No usable frames: " + s.last.reason);
+  if (s.skipped > kMaxSkipped && !paused) return s.send_state("weak", "No usable frames: " + s.last.reason);
   const Advice advice = s.guidance->advice();
-  nlohmann::json guidance{{"level", name_of(advice.hint)}, {"words", advice.words}};
+  nlohmann::json guidance{{"level", to_string(advice.hint)}, {"words", advice.words}};
   if (advice.turn) guidance["turn"] = {advice.turn->x(), advice.turn->y()};
   s.send_state(paused ? "paused" : status_of(advice.hint), paused ? "Paused" : advice.words, {{"guidance", guidance}});
 }
@@ -167,9 +176,9 @@ void LiveViewer::update(bool paused, int dropped) {
 void LiveViewer::State::send_surface(bool all) {
   if (!any) return;
   const auto start = Clock::now();
-  const SurfaceChanges changes = surface->changes(kBricksAtOnce, all);
-  if (changes.coverage) guidance->cover(*changes.coverage);
-  for (const SurfacePart& part : changes.parts)
+  const SurfaceChanges changes = surface->changes(kMaxBricksPerUpdate, all);
+  if (changes.coverage) guidance->set_coverage(*changes.coverage);
+  for (const SurfaceBlock& part : changes.parts)
     feed.set(fmt::format("part {} {} {} {}", part.submap, part.cell.x(), part.cell.y(), part.cell.z()),
              part_message(part, epoch));
   nlohmann::json submaps = nlohmann::json::array();
@@ -187,7 +196,7 @@ void LiveViewer::State::send_surface(bool all) {
 
 void LiveViewer::State::send_state(const char* status, const std::string& words, nlohmann::json more) {
   state_sent = Clock::now();
-  const Feed::Size held = feed.size();
+  const Feed::Size feed_size = feed.size();
   nlohmann::json state = std::move(more);
   state.update({{"epoch", epoch},
                 {"status", status},
@@ -196,7 +205,7 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
                 {"frames_before", frames_before},
                 {"skipped_to_keep_up", dropped},
                 {"memory_mb", memory_mb()},
-                {"feed", {{"things", held.things}, {"bytes", held.bytes}, {"requests", held.requests}}},
+                {"feed", {{"things", feed_size.items}, {"bytes", feed_size.bytes}, {"requests", feed_size.requests}}},
                 {"loops", nlohmann::json::array()}});
   if (recent.size() > 1) {
     const double seconds = std::chrono::duration<double>(recent.back().first - recent.front().first).count();
@@ -234,11 +243,11 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
 
 /// Numeric details of the last frame.
 nlohmann::json LiveViewer::State::last_frame() const {
-  nlohmann::json told{{"near", content.near}, {"far", content.far}, {"empty", content.empty}};
-  if (content.brightness) told["brightness"] = *content.brightness;
-  if (!last.reason.empty()) told["reason"] = last.reason;
-  if (last.fit.iterations > 0) told.update({{"inlier_share", last.fit.inlier_share}, {"rmse", last.fit.rmse}});
-  return told;
+  nlohmann::json stats{{"near", content.near}, {"far", content.far}, {"empty", content.empty}};
+  if (content.brightness) stats["brightness"] = *content.brightness;
+  if (!last.reason.empty()) stats["reason"] = last.reason;
+  if (last.fit.iterations > 0) stats.update({{"inlier_share", last.fit.inlier_share}, {"rmse", last.fit.rmse}});
+  return stats;
 }
 
 void LiveViewer::finishing() {
@@ -260,11 +269,11 @@ void LiveViewer::finished(const std::filesystem::path& output) {
 int LiveViewer::viewers() const { return state_->feed.viewers(); }
 
 bool LiveViewer::is_shown() {
-  (void)asked();
+  (void)commands();
   return state_->shown >= viewers();
 }
 
-LiveViewer::Told LiveViewer::told() const {
+LiveViewer::ViewerStats LiveViewer::stats() const {
   const State& s = *state_;
   const double seconds =
       s.first_frame ? std::chrono::duration<double>(State::Clock::now() - *s.first_frame).count() : 0;

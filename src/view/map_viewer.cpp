@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/viewer.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "view/finished_map.hpp"
 #include "view/report_page.hpp"
 #include "view/served_tileset.hpp"
@@ -22,9 +22,9 @@ Server::Files shown(const std::filesystem::path& map, AddFiles add) {
 
 Server::Files files_of(const std::filesystem::path& map, AddFiles add) {
   Server::Files files = shown(map, std::move(add));
-  std::vector<std::string> soon{"data.json"};
-  if (files.count(kFirstMesh) > 0) soon.emplace_back(kFirstMesh);
-  files[""] = viewer_file(soon);
+  std::vector<std::string> preloaded{"data.json"};
+  if (files.count(kFirstMesh) > 0) preloaded.emplace_back(kFirstMesh);
+  files[""] = viewer_file(preloaded);
   return files;
 }
 

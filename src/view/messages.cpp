@@ -43,7 +43,7 @@ std::string image_message(std::uint32_t kind, const cv::Mat& image) {
 
 }  // namespace
 
-std::string part_message(const SurfacePart& part, int epoch) {
+std::string part_message(const SurfaceBlock& part, int epoch) {
   const Mesh& mesh = part.mesh;
   Eigen::Vector3f low = Eigen::Vector3f::Zero(), high = low;
   if (!mesh.positions.empty()) low = high = mesh.positions[0];
@@ -64,7 +64,7 @@ std::string part_message(const SurfacePart& part, int epoch) {
       packed(std::uint32_t{1}, epoch, part.submap, part.cell.x(), part.cell.y(), part.cell.z(), low.x(), low.y(),
              low.z(), size, static_cast<std::uint32_t>(mesh.positions.size()), static_cast<std::uint32_t>(wide.size()));
   append(bytes, positions);
-  append(bytes, mesh.colours);
+  append(bytes, mesh.colors);
   append(bytes, normals);
   if (mesh.positions.size() <= 0xffff)
     append(bytes, std::vector<std::uint16_t>(wide.begin(), wide.end()));
@@ -73,9 +73,9 @@ std::string part_message(const SurfacePart& part, int epoch) {
   return bytes;
 }
 
-std::string colour_message(const Frame& frame, const Camera& camera) {
+std::string color_message(const Frame& frame, const Camera& camera) {
   return image_message(0,
-                       cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.colour.data())));
+                       cv::Mat(camera.height, camera.width, CV_8UC4, const_cast<std::uint32_t*>(frame.color.data())));
 }
 
 std::string depth_message(const Frame& frame, const Camera& camera, float max_depth) {

@@ -6,18 +6,18 @@
 #include <Eigen/Core>
 #include <string>
 
-#include "cairn/frame.hpp"
-#include "cairn/live_surface.hpp"
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/mapping/live_surface.hpp"
+#include "cairn/mapping/trajectory.hpp"
 
 namespace cairn {
 
 /// 1, epoch, submap, cell x y z, origin x y z and size (float, meters), vertices, indices; then by vertex: position (4
 /// × uint16, in 1/65535 of the size from the origin), color (4 × uint8), normal (4 × int8); then indices (uint16 if
 /// sufficient, else uint32).
-[[nodiscard]] std::string part_message(const SurfacePart& part, int epoch);
+[[nodiscard]] std::string part_message(const SurfaceBlock& part, int epoch);
 /// 2, kind (0 color, 1 depth); then a small JPEG. Depth is shown from near (red) to far (blue); black: none.
-[[nodiscard]] std::string colour_message(const Frame& frame, const Camera& camera);
+[[nodiscard]] std::string color_message(const Frame& frame, const Camera& camera);
 [[nodiscard]] std::string depth_message(const Frame& frame, const Camera& camera, float max_depth);
 /// Maximum number of camera positions in a path message.
 constexpr std::size_t kMaxPath = 4000;

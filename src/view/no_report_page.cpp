@@ -3,7 +3,7 @@
 // Replaces report_page.cpp if the library is built without the viewer: no report.html and no served page.
 #include <stdexcept>
 
-#include "cairn/viewer.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "view/report_page.hpp"
 
 namespace cairn {

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "cairn/atomic_file.hpp"
-#include "cairn/viewer.hpp"
+#include "base/atomic_file.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "view/finished_map.hpp"
 
 // The page as built, byte for byte (viewer.html).

@@ -13,10 +13,11 @@ namespace cairn {
 [[nodiscard]] std::string_view viewer_page();
 inline constexpr std::string_view kDataPlace = "<!-- data -->";  // in the page, before its script
 
-/// The viewer for a server. `soon`: URLs to preload while the script is parsed.
-[[nodiscard]] inline Served viewer_file(const std::vector<std::string>& soon = {}) {
+/// The viewer for a server. `preloaded`: URLs to preload while the script is parsed.
+[[nodiscard]] inline Served viewer_file(const std::vector<std::string>& preloaded = {}) {
   std::string page(viewer_page()), links;
-  for (const std::string& url : soon) links += R"(<link rel="preload" as="fetch" crossorigin href=")" + url + "\">";
+  for (const std::string& url : preloaded)
+    links += R"(<link rel="preload" as="fetch" crossorigin href=")" + url + "\">";
   page.replace(page.find(kDataPlace), kDataPlace.size(), links);
   return {.content_type = "text/html; charset=utf-8", .body = std::move(page), .is_packable = true};
 }

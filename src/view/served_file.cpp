@@ -10,13 +10,13 @@
 #include <stdexcept>
 #include <vector>
 
+#include "base/file_name.hpp"
 #include "base/json_text.hpp"
+#include "base/quoted.hpp"
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
-#include "cairn/file_name.hpp"
-#include "cairn/map.hpp"
-#include "cairn/mesh.hpp"
-#include "cairn/quoted.hpp"
+#include "cairn/mapping/map.hpp"
+#include "cairn/mapping/mesh.hpp"
 #include "mesh/gltf.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
@@ -42,7 +42,7 @@ Served glb(const std::vector<Mesh>& parts) {
   return {.content_type = content_type_of("mesh.glb"), .body = glb_of(parts)};
 }
 
-constexpr std::size_t kMostGltf = std::size_t{1} << 30;  // bytes of a .gltf without its buffers
+constexpr std::size_t kMaxGltfBytes = std::size_t{1} << 30;  // bytes of a .gltf without its buffers
 
 /// A list of a glTF, with the allowed extensions of referenced files.
 struct Resources {
@@ -65,16 +65,16 @@ std::vector<std::string> uris_in(const Json& gltf, const char* list) {
 /// Adds a .gltf with its buffers and images in the same folder or below.
 void add_gltf(const fs::path& file, Files& files) {
   const fs::path folder = file.parent_path();
-  const Json json = parsed_json_or_none(FileBelow(folder, file.filename()).read(kMostGltf));
-  if (!json.is_object()) throw std::runtime_error(file.string() + ": is damaged, or no glTF");
+  const Json json = parsed_json_or_none(FileBelow(folder, file.filename()).read(kMaxGltfBytes));
+  if (!json.is_object()) throw std::runtime_error(file.string() + ": is damaged, or not a glTF file");
   files["mesh.gltf"] = {.content_type = content_type_of(file), .body = file};
   for (const auto& [list, extensions] : kResources)
     for (const std::string& uri : uris_in(json, list)) {
       const fs::path name = fs::path(from_uri(uri)).lexically_normal();
       const std::string extension = extension_of(name);
       if (std::find(extensions.begin(), extensions.end(), extension) == extensions.end())
-        spdlog::warn(fmt::format("view: {} refers to {}, which is not shown: {} are {} alone", file.string(),
-                                 as_utf8(uri), list, fmt::join(extensions, ", ")));
+        spdlog::warn(fmt::format("view: {} refers to {}, which is not shown: the supported formats of {} are {}",
+                                 file.string(), as_utf8(uri), list, fmt::join(extensions, ", ")));
       else if (is_below(folder, name))
         files[uri] = {.content_type = content_type_of(name), .body = folder / name, .root = folder};
     }
@@ -87,7 +87,7 @@ void add_gltf(const fs::path& file, Files& files) {
       file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
       (is_written ? "write the same map as .glb and view that: cairn export MAP -o " +
                         quoted(fs::path(file).replace_extension(".glb"))
-                  : std::string("give a folder that cairn has made, a .glb, .gltf, .ply, .vdb or a tileset.json")));
+                  : std::string("give an output folder of cairn, a .glb, .gltf, .ply, .vdb or a tileset.json")));
 }
 
 }  // namespace

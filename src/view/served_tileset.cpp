@@ -11,13 +11,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/file_name.hpp"
 #include "base/json_text.hpp"
+#include "base/quoted.hpp"
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
-#include "cairn/file_name.hpp"
-#include "cairn/parts.hpp"
-#include "cairn/quoted.hpp"
-#include "cairn/verdict.hpp"
+#include "cairn/building/project.hpp"
+#include "cairn/eval/verdict.hpp"
 #include "view/downloads.hpp"
 #include "view/file_below.hpp"
 
@@ -28,31 +28,31 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using Files = std::map<std::string, Served>;
 
-constexpr const char* kBelow = "tileset/";  // folder name in the page's addresses
+constexpr const char* kUrlPrefix = "tileset/";  // folder name in the page's addresses
 
 struct Home {
   fs::path folder;  // canonical
   AddFiles add;
 };
 
-constexpr std::size_t kMostTileset = std::size_t{1} << 28;  // bytes
+constexpr std::size_t kMaxTilesetBytes = std::size_t{1} << 28;  // bytes
 
 /// `name`: relative to the folder.
 Json read_tileset(const fs::path& folder, const fs::path& name) {
-  const std::string bytes = FileBelow(folder, name).read(kMostTileset);
+  const std::string bytes = FileBelow(folder, name).read(kMaxTilesetBytes);
   try {
     Json json = parsed_json(bytes);
     if (json.at("root").is_object()) return json;
     throw std::runtime_error("it has no root");
   } catch (const std::exception& error) {
-    throw std::runtime_error((folder / name).string() + ": is no tileset: " + plain(error.what()));
+    throw std::runtime_error((folder / name).string() + ": is not a tileset: " + plain(error.what()));
   }
 }
 
 /// URIs of all contents in a tileset.
 std::vector<std::string> contents(const Json& tileset) {
   std::vector<std::string> uris;
-  const auto note = [&](const Json& content) {
+  const auto add_uri = [&](const Json& content) {
     if (content.is_object() && content.contains("uri") && content["uri"].is_string()) uris.push_back(content["uri"]);
   };
   std::vector<const Json*> waiting{&tileset.at("root")};
@@ -60,9 +60,9 @@ std::vector<std::string> contents(const Json& tileset) {
     const Json& tile = *waiting.back();
     waiting.pop_back();
     if (!tile.is_object()) continue;
-    if (const auto content = tile.find("content"); content != tile.end()) note(*content);
+    if (const auto content = tile.find("content"); content != tile.end()) add_uri(*content);
     if (const auto several = tile.find("contents"); several != tile.end())
-      for (const Json& content : *several) note(content);
+      for (const Json& content : *several) add_uri(content);
     if (const auto children = tile.find("children"); children != tile.end())
       for (const Json& child : *children) waiting.push_back(&child);
   }
@@ -81,12 +81,13 @@ Files referred(const std::shared_ptr<const Home>& home, const std::string& name,
     const fs::path file = from_uri(other);
     const std::string extension = extension_of(file);
     if ((extension != ".json" && extension != ".glb") || !is_below(home->folder, file))
-      spdlog::warn(fmt::format("view: {} refers to {}, which is not shown: only .glb and .json in {} and below are",
-                               name, as_utf8(uri), home->folder.string()));
+      spdlog::warn(fmt::format(
+          "view: {} refers to {}, which is not shown: only .glb and .json files in {} and its subfolders are", name,
+          as_utf8(uri), home->folder.string()));
     else if (extension == ".json")
-      files[kBelow + other] = tileset_file(home, other);
+      files[kUrlPrefix + other] = tileset_file(home, other);
     else
-      files[kBelow + other] = {
+      files[kUrlPrefix + other] = {
           .content_type = content_type_of(file), .body = home->folder / file, .root = home->folder};
   }
   return files;
@@ -104,10 +105,10 @@ Served tileset_file(const std::shared_ptr<const Home>& home, const std::string& 
 
 /// Verdict of a plan on its joined parts; null before the parts are joined.
 Json verdict_in_json(const fs::path& plan) {
-  const auto parts = joined_parts(plan);
+  const auto parts = merged_segments(plan);
   if (!parts) return nullptr;
   const Verdict verdict = verdict_of(read_plan(plan), *parts);
-  return {{"level", name_of(verdict.level)}, {"words", verdict.words}, {"reasons", verdict.reasons}};
+  return {{"level", to_string(verdict.level)}, {"words", verdict.words}, {"reasons", verdict.reasons}};
 }
 
 }  // namespace
@@ -132,10 +133,10 @@ Files served_tileset(const fs::path& tileset, AddFiles add) {
             {"name", (is_plan ? home->folder : file).filename().string()},
             {"report", nullptr},
             {"trajectory", Json::array()},
-            {"tileset", kBelow + name}};
+            {"tileset", kUrlPrefix + name}};
   if (is_plan) data["verdict"] = verdict_in_json(home->folder);
   Files files;
-  files[kBelow + name] = tileset_file(home, name);
+  files[kUrlPrefix + name] = tileset_file(home, name);
   files["data.json"] = {.content_type = content_type_of("data.json"), .body = text_of(data)};
   return files;
 }

@@ -50,11 +50,11 @@ using asio::ip::tcp;
 using Plain = beast::tcp_stream;
 using Secure = beast::ssl_stream<beast::tcp_stream>;
 
-constexpr auto kLook = 15ms;                            // polling interval of the feed
-constexpr std::size_t kMaxMessage = 4096;               // maximum bytes of a viewer's message
-constexpr std::size_t kMaxHeader = 16384;               // bytes
-constexpr std::size_t kPiece = std::size_t{256} << 10;  // bytes of a file per write
-constexpr std::size_t kWorthPacking = 1024;             // bytes
+constexpr auto kPollInterval = 15ms;                        // polling interval of the feed
+constexpr std::size_t kMaxMessage = 4096;                   // maximum bytes of a viewer's message
+constexpr std::size_t kMaxHeader = 16384;                   // bytes
+constexpr std::size_t kChunkSize = std::size_t{256} << 10;  // bytes of a file per write
+constexpr std::size_t kMinCompressedSize = 1024;            // bytes
 
 std::string random_token() {
   std::random_device random;
@@ -179,7 +179,7 @@ struct Gate {
   }
 
   /// Name below the token in a request, if any.
-  [[nodiscard]] std::optional<std::string> name_of(const Request& request) const {
+  [[nodiscard]] std::optional<std::string> to_string(const Request& request) const {
     const std::string_view target(request.target().data(), request.target().size());
     const std::string prefix = "/" + token + "/";
     if (!is_same(target.substr(0, prefix.size()), prefix)) return std::nullopt;
@@ -211,7 +211,7 @@ Entry entry_of(Served served, bool is_page) {
   return entry;
 }
 
-/// Keyed by the names of name_of().
+/// Keyed by the names of to_string().
 using Entries = std::map<std::string, std::shared_ptr<const Entry>>;
 Entries entries_of(Server::Files&& files) {
   Entries entries;
@@ -286,8 +286,8 @@ asio::awaitable<void> write_header(Stream& stream, Header& header, std::chrono::
 
 /// Short text response, such as an error. HEAD gets the headers of GET.
 template <class Stream>
-asio::awaitable<void> say(Stream& stream, const Request& request, http::status status, std::string words,
-                          std::chrono::milliseconds patience) {
+asio::awaitable<void> respond(Stream& stream, const Request& request, http::status status, std::string words,
+                              std::chrono::milliseconds patience) {
   words += '\n';
   Header header = header_of(request, status, "text/plain; charset=utf-8");
   header.content_length(words.size());
@@ -297,14 +297,14 @@ asio::awaitable<void> say(Stream& stream, const Request& request, http::status s
 
 template <class Stream>
 asio::awaitable<void> write_file(Stream& stream, beast::file& file, Range range, std::chrono::milliseconds patience) {
-  std::vector<char> piece(kPiece);
+  std::vector<char> chunk(kChunkSize);
   boost::system::error_code error;
   file.seek(range.first, error);
   for (std::uint64_t left = range.last - range.first + 1; left > 0 && !error;) {
     const std::size_t size =
-        file.read(piece.data(), static_cast<std::size_t>(std::min<std::uint64_t>(piece.size(), left)), error);
+        file.read(chunk.data(), static_cast<std::size_t>(std::min<std::uint64_t>(chunk.size(), left)), error);
     if (size == 0) break;
-    co_await write_all(stream, asio::buffer(piece.data(), size), patience);
+    co_await write_all(stream, asio::buffer(chunk.data(), size), patience);
     left -= size;
     if (left == 0) co_return;
   }
@@ -320,8 +320,8 @@ std::string attachment(const std::string& name) {
   if (name.empty()) return "attachment";
   std::string plain;
   for (const char c : name) plain += c >= ' ' && c <= '~' && c != '"' && c != '\\' && c != '%' ? c : '_';
-  const std::string told = "attachment; filename=\"" + plain + "\"";
-  return plain == name ? told : told + "; filename*=UTF-8''" + as_uri(as_utf8(name));
+  const std::string disposition = "attachment; filename=\"" + plain + "\"";
+  return plain == name ? disposition : disposition + "; filename*=UTF-8''" + as_uri(as_utf8(name));
 }
 
 /// Opens a file within Served::root. Returns an error text.
@@ -348,7 +348,7 @@ asio::awaitable<void> serve(Stream& stream, const Request& request, const Entry&
   bool is_packed = false;
   boost::system::error_code error;
   if (const auto* text = std::get_if<std::shared_ptr<const Text>>(&content)) {
-    is_packed = entry.is_packable && is_far && (*text)->bytes().size() > kWorthPacking && accepts_gzip(request);
+    is_packed = entry.is_packable && is_far && (*text)->bytes().size() > kMinCompressedSize && accepts_gzip(request);
     bytes = is_packed ? &(*text)->packed() : &(*text)->bytes();
     size = bytes->size();
   } else {
@@ -356,20 +356,22 @@ asio::awaitable<void> serve(Stream& stream, const Request& request, const Entry&
     if (!problem.empty()) spdlog::warn(fmt::format("view: {}", problem));
     if (problem.empty()) size = file.size(error);
     if (!problem.empty() || error)
-      co_return co_await say(stream, request, http::status::not_found, "the file is gone, or no file", patience);
+      co_return co_await respond(stream, request, http::status::not_found,
+                                 "the file no longer exists, or is not a file", patience);
   }
   if (is_packed) header.set(http::field::content_encoding, "gzip");
   if (entry.is_packable) header.set(http::field::vary, "Accept-Encoding");
   header.set(http::field::accept_ranges, is_packed ? "none" : "bytes");
   Range range{0, size - 1};
   const bool is_part = request.count(http::field::range) > 0 && request.count(http::field::if_range) == 0 && !is_packed;
-  if (const auto asked = is_part ? range_of(request[http::field::range], size) : std::nullopt) {
-    const bool is_there = asked->first <= asked->last;
-    header.result(is_there ? http::status::partial_content : http::status::range_not_satisfiable);
-    header.set(http::field::content_range, is_there ? fmt::format("bytes {}-{}/{}", asked->first, asked->last, size)
-                                                    : fmt::format("bytes */{}", size));
-    if (is_there) range = *asked;
-    size = is_there ? range.last - range.first + 1 : 0;
+  if (const auto requested = is_part ? range_of(request[http::field::range], size) : std::nullopt) {
+    const bool is_satisfiable = requested->first <= requested->last;
+    header.result(is_satisfiable ? http::status::partial_content : http::status::range_not_satisfiable);
+    header.set(http::field::content_range, is_satisfiable
+                                               ? fmt::format("bytes {}-{}/{}", requested->first, requested->last, size)
+                                               : fmt::format("bytes */{}", size));
+    if (is_satisfiable) range = *requested;
+    size = is_satisfiable ? range.last - range.first + 1 : 0;
   }
   header.content_length(size);
   co_await write_header(stream, header, patience);
@@ -385,11 +387,11 @@ std::string in_url(const std::string& address) {
 }
 
 /// Error for an unusable address, with the machine's addresses.
-std::runtime_error not_ours(const std::string& host, const std::string& why) {
+std::runtime_error unusable_address(const std::string& host, const std::string& why) {
   std::vector<std::string> ours;
   for (const NetworkAddress& a : network_addresses()) ours.push_back(fmt::format("{} ({})", a.address, a.interface));
   return std::runtime_error(
-      fmt::format("address {} cannot be used: {}; this machine has {}, and 0.0.0.0 stands for all", host, why,
+      fmt::format("address {} cannot be used: {}; this machine has {}; use 0.0.0.0 for all of them", host, why,
                   ours.empty() ? "no address in a network" : fmt::format("{}", fmt::join(ours, ", "))));
 }
 
@@ -397,12 +399,12 @@ asio::ip::address address_of(const std::string& host) {
   if (host.empty() || host == "localhost") return asio::ip::address_v4::loopback();
   boost::system::error_code error;
   auto address = asio::ip::make_address(host, error);
-  if (error) throw not_ours(host, "it is no IP address");
+  if (error) throw unusable_address(host, "it is not an IP address");
   return address;
 }
 
 /// Addresses for clients, most likely first, of a server listening on `listened`.
-std::vector<NetworkAddress> reached_at(const asio::ip::address& listened) {
+std::vector<NetworkAddress> client_addresses(const asio::ip::address& listened) {
   if (!listened.is_unspecified()) return {{listened.to_string(), ""}};
   std::vector<NetworkAddress> all = network_addresses();
   if (listened.is_v4())
@@ -420,18 +422,18 @@ struct Server::State {
       : files(entries_of(std::move(given))), feed(feed_), limits(l) {
     const asio::ip::address host = address_of(at.host);
     listen(host, at.port);
-    const auto reached = reached_at(host);
+    const auto reachable = client_addresses(host);
     gate.scheme = host.is_loopback() ? "http" : "https";
     gate.token = random_token();
     const auto port = acceptor.local_endpoint().port();
-    for (const NetworkAddress& a : reached) {
+    for (const NetworkAddress& a : reachable) {
       const std::string found = fmt::format("{}:{}", in_url(a.address), port);
       gate.hosts.insert(found);
       site.urls.push_back(
           {.url = fmt::format("{}://{}/{}/", gate.scheme, found, gate.token), .interface = a.interface});
     }
     if (host.is_loopback() || host.is_unspecified()) gate.hosts.insert(fmt::format("localhost:{}", port));
-    if (!host.is_loopback()) secure(at, reached);
+    if (!host.is_loopback()) secure(at, reachable);
     spawn(accept());
     thread = std::jthread([this] { run(); });
   }
@@ -444,16 +446,16 @@ struct Server::State {
     acceptor = tcp::acceptor(context, {host, static_cast<std::uint16_t>(port)});
   } catch (const boost::system::system_error& error) {
     if (error.code() == boost::system::errc::address_not_available)
-      throw not_ours(host.to_string(), error.code().message());
-    throw std::runtime_error(fmt::format("port {} cannot be used: {}; choose another one, or 0 for any free one", port,
-                                         error.code().message()));
+      throw unusable_address(host.to_string(), error.code().message());
+    throw std::runtime_error(fmt::format("port {} cannot be used: {}; choose another port, or 0 for any free port",
+                                         port, error.code().message()));
   }
 
   /// Enables TLS.
-  void secure(const ViewerAddress& at, const std::vector<NetworkAddress>& reached) {
+  void secure(const ViewerAddress& at, const std::vector<NetworkAddress>& reachable) {
     std::vector<std::string> addresses;
-    addresses.reserve(reached.size());
-    for (const NetworkAddress& a : reached) addresses.push_back(a.address);
+    addresses.reserve(reachable.size());
+    for (const NetworkAddress& a : reachable) addresses.push_back(a.address);
     std::filesystem::path folder = at.certificates.empty() ? state_folder() : at.certificates;
     const Certificate certificate =
         certificate_for(addresses, folder.empty() ? folder : folder / ("view-" + at.host + ".pem"));
@@ -469,7 +471,7 @@ struct Server::State {
     while (!context.stopped()) try {
         context.run();
       } catch (const std::exception& error) {
-        spdlog::warn(fmt::format("view: {}; it goes on", error.what()));
+        spdlog::warn(fmt::format("view: {}; the server continues", error.what()));
       }
   }
 
@@ -534,8 +536,8 @@ struct Server::State {
   /// Answers a plain HTTP request on the TLS port.
   asio::awaitable<void> refuse_plain(Plain& stream, beast::flat_buffer& buffer) const {
     const auto request = co_await read(stream, buffer);
-    co_await say(stream, request, http::status::bad_request,
-                 "the address begins with https://: open it as cairn printed it", limits.patience);
+    co_await respond(stream, request, http::status::bad_request,
+                     "the address begins with https://: open the address printed by cairn", limits.patience);
   }
 
   template <class Stream>
@@ -549,7 +551,7 @@ struct Server::State {
 
   /// Returns true if a valid request subscribes to the feed.
   [[nodiscard]] bool asks_for_feed(const Request& request) const {
-    return feed != nullptr && gate.name_of(request) == "live" && beast::websocket::is_upgrade(request);
+    return feed != nullptr && gate.to_string(request) == "live" && beast::websocket::is_upgrade(request);
   }
 
   /// Returns true if the caller must close the stream, false if a WebSocket has taken it.
@@ -559,7 +561,7 @@ struct Server::State {
     while (true) {
       Request request = co_await read(stream, buffer);
       peer->is_idle = false;
-      if (gate.is_ours(request) && gate.name_of(request)) peers.greet(peer);
+      if (gate.is_ours(request) && gate.to_string(request)) peers.greet(peer);
       if (!peer->is_known) request.keep_alive(false);
       if (gate.is_ours(request) && asks_for_feed(request) && feed->viewers() < limits.viewers) {
         beast::get_lowest_layer(stream).expires_never();  // the WebSocket has its own timeout
@@ -576,20 +578,20 @@ struct Server::State {
 
   template <class Stream>
   asio::awaitable<void> answer(Stream& stream, const Request& request, bool is_far) {
-    const auto refused = [&](http::status status, const char* why) {
-      return say(stream, request, status, why, limits.patience);
+    const auto refuse = [&](http::status status, const char* why) {
+      return respond(stream, request, status, why, limits.patience);
     };
-    const auto name = gate.name_of(request);
+    const auto name = gate.to_string(request);
     if (!gate.is_ours(request))
-      co_await refused(http::status::forbidden, "this page is served at the address that cairn printed only");
+      co_await refuse(http::status::forbidden, "this page is served only at the address printed by cairn");
     else if (!name)
-      co_await refused(http::status::not_found, "open the address that cairn printed");
+      co_await refuse(http::status::not_found, "open the address printed by cairn");
     else if (asks_for_feed(request))
-      co_await refused(http::status::service_unavailable, "too many viewers");
+      co_await refuse(http::status::service_unavailable, "too many viewers");
     else if (request.method() != http::verb::get && request.method() != http::verb::head)
-      co_await refused(http::status::method_not_allowed, "only GET is answered");
+      co_await refuse(http::status::method_not_allowed, "only GET is supported");
     else if (const auto file = files.find(*name); file == files.end())
-      co_await refused(http::status::not_found, "there is no such file");
+      co_await refuse(http::status::not_found, "there is no such file");
     else
       co_await give(stream, request, file->second, is_far);
   }
@@ -606,7 +608,7 @@ struct Server::State {
     }
     if (problem.empty()) co_return co_await serve(stream, request, *entry, std::move(content), is_far, limits.patience);
     spdlog::warn(fmt::format("view: {}", problem));
-    co_await say(stream, request, http::status::internal_server_error, problem, limits.patience);
+    co_await respond(stream, request, http::status::internal_server_error, problem, limits.patience);
   }
 
   /// Makes slow content in a worker thread, while the server serves other clients.
@@ -637,7 +639,7 @@ struct Server::State {
     std::uint64_t version = 0;
     while (socket->is_open()) {
       const auto items = feed->since(version);
-      if (items.empty()) co_await pause(kLook);
+      if (items.empty()) co_await pause(kPollInterval);
       // One item at a time, since newer versions may replace the others meanwhile.
       if (!items.empty()) {
         const Feed::Item& item = items.front();

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "cairn/viewer.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "view/feed.hpp"
 #include "view/served.hpp"
 

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "cairn/unfinished.hpp"
+#include "base/unfinished.hpp"
 
 namespace cairn {
 
@@ -20,8 +20,8 @@ class TemporaryPlace {
   TemporaryPlace() {
     std::string name = (std::filesystem::temp_directory_path() / "cairn-view-XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr)
-      throw std::runtime_error("cannot make the folder " + name + ": " + std::strerror(errno) +
-                               "; TMPDIR may name another place");
+      throw std::runtime_error("cannot create the folder " + name + ": " + std::strerror(errno) +
+                               "; set TMPDIR to another folder");
     path_ = name;
     unfinished_.emplace(path_);
   }

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/file_name.hpp"
+#include "base/file_name.hpp"
 
 namespace cairn {
 
@@ -19,8 +19,8 @@ void zip_folder(const std::filesystem::path& folder, const std::filesystem::path
   };
   int code = 0;
   zip_t* zip = zip_open(file.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);  // written at close
-  if (zip == nullptr) throw failed("the folder takes no file");
-  const auto give_up = [&] {
+  if (zip == nullptr) throw failed("the file cannot be created in its folder");
+  const auto discard = [&] {
     const std::string why = zip_strerror(zip);
     zip_discard(zip);
     return failed(why);
@@ -34,12 +34,12 @@ void zip_folder(const std::filesystem::path& folder, const std::filesystem::path
         source == nullptr ? -1 : zip_file_add(zip, from.filename().c_str(), source, ZIP_FL_ENC_UTF_8);
     if (number < 0) {
       zip_source_free(source);
-      throw give_up();
+      throw discard();
     }
     if (const std::string extension = extension_of(from); extension == ".jpg" || extension == ".png")
       zip_set_file_compression(zip, static_cast<zip_uint64_t>(number), ZIP_CM_STORE, 0);
   }
-  if (zip_close(zip) != 0) throw give_up();
+  if (zip_close(zip) != 0) throw discard();
 }
 
 }  // namespace cairn

@@ -10,18 +10,18 @@
 #include <stdexcept>
 
 #include "base/checked_count.hpp"
-#include "cairn/esdf.hpp"
+#include "cairn/mapping/esdf.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr int kSide = 16;
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-constexpr int kReach = 1 << 27;  // blocks from the origin, so that voxel indices fit into 32 bits
+constexpr int kMaxBlock = 1 << 27;  // blocks from the origin, so that voxel indices fit into 32 bits
 constexpr std::uint64_t kEntriesPerBlock = 64, kAnyEntries = 1 << 16;  // table entries; the field of a floor takes 3 to
                                                                        // 20 per block
-constexpr float kFlat = 1e-3f;                                         // shorter gradients have no direction
-constexpr std::size_t kTogether = 4096;                                // points per task
+constexpr float kMinGradient = 1e-3f;                                  // shorter gradients have no direction
+constexpr std::size_t kPointsPerTask = 4096;                           // points per task
 
 int index_in(const Eigen::Vector3i& v) { return (v.x() & 15) << 8 | (v.y() & 15) << 4 | (v.z() & 15); }
 
@@ -32,9 +32,9 @@ std::size_t index_in_box(const Eigen::Vector3i& at, const Eigen::Vector3i& size)
   return (number(at.x()) * number(size.y()) + number(at.y())) * number(size.z()) + number(at.z());
 }
 
-void expect_as_many(std::size_t points, std::size_t answers) {
+void check_sizes(std::size_t points, std::size_t answers) {
   if (points != answers)
-    throw std::invalid_argument("as many answers as points are needed: " + std::to_string(points) + " and " +
+    throw std::invalid_argument(std::to_string(points) + " points need as many answers, not " +
                                 std::to_string(answers));
 }
 
@@ -50,8 +50,8 @@ DistanceField::DistanceField(float voxel_size, const Eigen::Vector3f& origin, fl
   if (blocks_.empty()) return;
   Eigen::AlignedBox3i box;
   for (const auto& [block, samples] : blocks_) {
-    if ((block.array() < -kReach).any() || (block.array() >= kReach).any())
-      throw std::invalid_argument("a block of a distance field lies outside the numbers of its voxels");
+    if ((block.array() < -kMaxBlock).any() || (block.array() >= kMaxBlock).any())
+      throw std::invalid_argument("a block of the distance field is out of range");
     box.extend(block);
   }
   first_ = box.min();
@@ -85,8 +85,8 @@ float DistanceField::at(const Eigen::Vector3i& voxel) const {
 
 DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
   const Eigen::Vector3f p = (world_from_field_.conjugate() * point - origin_) / voxel_size_;
-  constexpr float kTooFar = 1e8f;                       // limit for conversion to int
-  if (!(p.cwiseAbs().maxCoeff() < kTooFar)) return {};  // rejects NaN, too
+  constexpr float kMaxIndex = 1e8f;                       // limit for conversion to int
+  if (!(p.cwiseAbs().maxCoeff() < kMaxIndex)) return {};  // rejects NaN, too
   const Eigen::Vector3i low = p.array().floor().cast<int>();
   const Eigen::Vector3f h = p - low.cast<float>();
   std::array<float, 8> corner;  // x << 2 | y << 1 | z
@@ -122,14 +122,15 @@ DistanceField::Answer DistanceField::query(const Eigen::Vector3f& point) const {
     answer.distance = here + answer.gradient.dot(p - nearest.cast<float>());
   }
   const float length = answer.gradient.norm();
-  answer.gradient = length < kFlat * voxel_size_ ? Eigen::Vector3f::Zero()
-                                                 : Eigen::Vector3f(world_from_field_ * (answer.gradient / length));
+  answer.gradient = length < kMinGradient * voxel_size_
+                        ? Eigen::Vector3f::Zero()
+                        : Eigen::Vector3f(world_from_field_ * (answer.gradient / length));
   return answer;
 }
 
 void DistanceField::query(std::span<const Eigen::Vector3f> points, std::span<Answer> answers) const {
-  expect_as_many(points.size(), answers.size());
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kTogether), [&](const auto& range) {
+  check_sizes(points.size(), answers.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kPointsPerTask), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) answers[i] = query(points[i]);
   });
 }
@@ -137,8 +138,8 @@ void DistanceField::query(std::span<const Eigen::Vector3f> points, std::span<Ans
 void DistanceField::query(std::span<const Eigen::Vector3f> points, std::span<float> distances,
                           std::span<Eigen::Vector3f> gradients, std::span<bool> known) const {
   for (const std::size_t answers : {distances.size(), gradients.size(), known.size()})
-    expect_as_many(points.size(), answers);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kTogether), [&](const auto& range) {
+    check_sizes(points.size(), answers);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), kPointsPerTask), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
       const Answer answer = query(points[i]);
       distances[i] = answer.known ? answer.distance : kUnknown;

@@ -12,35 +12,35 @@
 #include <stdexcept>
 #include <string>
 
-#include "cairn/option_ranges.hpp"
+#include "options/option_ranges.hpp"
 #include "spirv/esdf_check.comp.h"
 #include "spirv/esdf_distance.comp.h"
+#include "spirv/esdf_finalize.comp.h"
 #include "spirv/esdf_lines.comp.h"
 #include "spirv/esdf_lower.comp.h"
 #include "spirv/esdf_nearest.comp.h"
 #include "spirv/esdf_raise.comp.h"
 #include "spirv/esdf_seed.comp.h"
-#include "spirv/esdf_settle.comp.h"
 #include "spirv/esdf_sites.comp.h"
 
 namespace cairn {
 namespace {
 
 constexpr float kTolerance = 0.25f;             // voxels; see EsdfSitesPush
-constexpr float kGap = 0.8f;                    // meters
-constexpr float kHeld = 1.75f;                  // voxels; a ball of this radius contains the whole voxel of its center
-constexpr double kSameBall = 0.25;              // voxels of the TSDF
+constexpr float kMaxGap = 0.8f;                 // meters
+constexpr float kMinFreeRadius = 1.75f;         // voxels; a ball of this radius contains all of the voxel of its center
+constexpr double kMinBallSpacing = 0.25;        // voxels of the TSDF
 constexpr std::uint32_t kFirstCapacity = 256;   // blocks: 12 MiB
 constexpr std::uint32_t kSteps = 24;            // wave steps before the host checks the counter; even
 constexpr std::uint32_t kMaxTableBits = 8;      // 256 blocks per side
 constexpr std::uint64_t kVoxelsOfASite = 100;   // voxels reached by a wave per site; with more sites a rebuild is
                                                 // cheaper
-constexpr std::uint64_t kMostCells = 1 << 25;   // per box of a rebuild: 256 MiB
+constexpr std::uint64_t kMaxCells = 1 << 25;    // per box of a rebuild: 256 MiB
 constexpr std::uint64_t kStackCells = 1 << 20;  // 16 MiB
 constexpr std::size_t kJobsAtOnce = 4096;       // bricks uploaded from the host at once: 16 MiB
 constexpr std::size_t kBlocksAtOnce = 1024;     // blocks of distances downloaded at once: 16 MiB
 
-constexpr shader::EsdfCount kNothing{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
+constexpr shader::EsdfCount kEmptyCount{.groups = 0, .one_y = 1, .one_z = 1, .count = 0};
 
 /// Specialization constants: kFieldInTexels of shaders/esdf.h and kPoolInTexels of shaders/pool.h.
 std::array<float, 5> constants(bool in_texels) {
@@ -58,7 +58,7 @@ int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
   const auto check = [](const char* name, float value) {
     if (const AllowedRange range = range_of(name); !range.has(value))
       throw std::runtime_error(
-          fmt::format("option {} is {}, allowed is {}", name, value, words_of(range, Unit::metres)));
+          fmt::format("option {} is {}, allowed is {}", name, value, words_of(range, Unit::meters)));
   };
   check("esdf.voxel_size", options.voxel_size);
   check("esdf.max_distance", options.max_distance);
@@ -67,11 +67,12 @@ int esdf_scale(const FuseOptions& fuse, const EsdfOptions& options) {
   for (const int scale : {1, 2, 4, 8})
     if (std::abs(wanted - static_cast<float>(scale)) < 1e-3f * static_cast<float>(scale)) return scale;
   throw std::runtime_error("EsdfOptions::voxel_size is " + std::to_string(voxel_size_for(fuse, options)) +
-                           " m: take 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
+                           " m: choose 1, 2, 4 or 8 times the map's " + std::to_string(fuse.voxel_size) + " m");
 }
 
 float free_radius(const FuseOptions& fuse, const EsdfOptions& options) {
-  return options.robot_radius > 0 ? std::max(options.robot_radius, kHeld * voxel_size_for(fuse, options)) : 0.0f;
+  return options.robot_radius > 0 ? std::max(options.robot_radius, kMinFreeRadius * voxel_size_for(fuse, options))
+                                  : 0.0f;
 }
 
 Esdf::Kernels::Kernels(gpu::Device& device, bool texels)
@@ -79,27 +80,28 @@ Esdf::Kernels::Kernels(gpu::Device& device, bool texels)
       sites(device, "esdf_sites", esdf_sites_comp, constants(texels)),
       check(device, "esdf_check", esdf_check_comp, constants(texels)),
       raise(device, "esdf_raise", esdf_raise_comp, constants(texels)),
-      settle(device, "esdf_settle", esdf_settle_comp, constants(texels)),
+      finalize(device, "esdf_finalize", esdf_finalize_comp, constants(texels)),
       lower(device, "esdf_lower", esdf_lower_comp, constants(texels)),
       distance(device, "esdf_distance", esdf_distance_comp, constants(texels)),
       seed(device, "esdf_seed", esdf_seed_comp, constants(texels)),
       nearest(device, "esdf_nearest", esdf_nearest_comp, constants(texels)),
       lines(device, "esdf_lines", esdf_lines_comp, constants(texels)) {}
 
-Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t most_texels)
+Esdf::Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t max_texels)
     : device_(device),
       fuse_(fuse),
       options_(options),
       scale_(esdf_scale(fuse, options)),
       voxel_size_(static_cast<float>(scale_) * fuse.voxel_size),
-      most_texels_(most_texels != 0 ? std::min(most_texels, device.max_texels()) : device.max_texels()),
+      max_texels_(max_texels != 0 ? std::min(max_texels, device.max_texels()) : device.max_texels()),
       counts_(device, (kSteps + 1) * sizeof(shader::EsdfCount)),
       removed_(device, 4) {}
 
 /// Switches to reading by address when the field exceeds the device's texel limit.
 void Esdf::choose_kernels(bool is_volume_in_texels) {
-  const std::uint64_t most = std::max(capacity_ * std::uint64_t{shader::kEsdfVoxels}, std::uint64_t{list_capacity_});
-  const bool in_texels = most <= most_texels_ && is_volume_in_texels;
+  const std::uint64_t max_voxels =
+      std::max(capacity_ * std::uint64_t{shader::kEsdfVoxels}, std::uint64_t{list_capacity_});
+  const bool in_texels = max_voxels <= max_texels_ && is_volume_in_texels;
   if (!kernels_ || kernels_->in_texels != in_texels) kernels_.emplace(device_, in_texels);
 }
 
@@ -160,7 +162,7 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
   if (free_.size() < free.size() * sizeof(BrickBits)) free_ = gpu::Buffer(device_, 2 * free.size() * sizeof(BrickBits));
   gpu::Batch batch(device_);
   batch.upload(free_, free);
-  batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kNothing));
+  batch.upload(counts_, std::vector<shader::EsdfCount>(kSteps + 1, kEmptyCount));
   batch.fill(removed_, 0);
   if (!here.empty()) find_sites(batch, here, volume->voxels());
   for (std::size_t begin = 0; begin < elsewhere.size(); begin += kJobsAtOnce) {
@@ -176,7 +178,7 @@ Esdf::Updated Esdf::update(std::span<const Brick> changed, const Volume* volume,
     }
     find_sites(batch, jobs, voxels_);
   }
-  return spread(batch, false);
+  return propagate(batch, false);
 }
 
 void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, const gpu::Buffer& voxels) {
@@ -197,10 +199,10 @@ void Esdf::find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, 
 }
 
 /// Allocates blocks for observed bricks and the gaps between them, since a wave may have to cross unknown space. A
-/// block is omitted if it fits into a cube of kGap without observed blocks (a morphological closing).
+/// block is omitted if it fits into a cube of kMaxGap without observed blocks (a morphological closing).
 void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
   const int bricks = 2 * scale_;  // TSDF bricks per side of a block
-  const int reach = std::max(1, static_cast<int>(std::lround(kGap / 2 / (shader::kEsdfSide * voxel_size_))));
+  const int reach = std::max(1, static_cast<int>(std::lround(kMaxGap / 2 / (shader::kEsdfSide * voxel_size_))));
   std::vector<Brick> around;
   for (int x = -reach; x <= reach; ++x)
     for (int y = -reach; y <= reach; ++y)
@@ -209,15 +211,15 @@ void Esdf::reserve(std::span<const shader::EsdfJob> jobs) {
   for (const shader::EsdfJob& job : jobs) {
     if (job.slot == Volume::kNoSlot && job.free == shader::kNoneFree) continue;
     const Block block = cell_of(job.brick, bricks);
-    if (!known_.insert(block).second) continue;
+    if (!observed_.insert(block).second) continue;
     for (const Brick& offset : around) {
       const Block near = block + offset;
       if (!near_.insert(near).second) continue;
-      for (const Brick& farther : around) {
-        int& unknown = unknown_around_.try_emplace(near + farther, static_cast<int>(around.size())).first->second;
-        if (--unknown > 0) continue;
-        wanted.push_back(near + farther);
-        box_.extend(near + farther);
+      for (const Brick& outer : around) {
+        int& unobserved = unobserved_around_.try_emplace(near + outer, static_cast<int>(around.size())).first->second;
+        if (--unobserved > 0) continue;
+        wanted.push_back(near + outer);
+        box_.extend(near + outer);
       }
     }
   }
@@ -298,7 +300,7 @@ void Esdf::resize_lists(std::uint32_t capacity) {
 Esdf::Updated Esdf::rebuild() {
   if (slot_of_.empty()) return {};
   gpu::Batch batch(device_);
-  return spread(batch, true);
+  return propagate(batch, true);
 }
 
 /// Recomputes all distances with the separable transform (Felzenszwalb & Huttenlocher 2012) in boxes along the longest
@@ -308,12 +310,12 @@ bool Esdf::transform(Updated& updated) {
   const Eigen::Vector3i low = static_cast<int>(shader::kEsdfSide) * box_.min(),
                         high = static_cast<int>(shader::kEsdfSide) * (box_.max() + Block::Ones());
   const Eigen::Vector3i size = high - low;
-  const std::uint64_t most = std::min(kMostCells, most_texels_);
+  const std::uint64_t max_voxels = std::min(kMaxCells, max_texels_);
   int axis = 0;
   size.maxCoeff(&axis);
   const int reach = static_cast<int>(std::ceil(options_.max_distance / voxel_size_)) + 2;
   const auto layer = size.cast<std::uint64_t>().prod() / static_cast<std::uint64_t>(size[axis]);
-  const auto layers = static_cast<int>(std::min(most / layer, static_cast<std::uint64_t>(size[axis])));
+  const auto layers = static_cast<int>(std::min(max_voxels / layer, static_cast<std::uint64_t>(size[axis])));
   const int step = layers == size[axis] ? layers : layers - 2 * reach;
   if (step < std::min(reach, size[axis])) return false;
 
@@ -322,18 +324,18 @@ bool Esdf::transform(Updated& updated) {
   const auto largest_layer = size.cast<std::uint64_t>().prod() / static_cast<std::uint64_t>(size.minCoeff());
   const gpu::Buffer stack(device_, sizeof(shader::Parabola) * std::max(kStackCells, largest_layer));
   for (int at = low[axis]; at < high[axis]; at += step) {
-    Eigen::AlignedBox3i asked(low, high), box(low, high);
-    asked.min()[axis] = at, asked.max()[axis] = std::min(at + step, high[axis]);
+    Eigen::AlignedBox3i target(low, high), box(low, high);
+    target.min()[axis] = at, target.max()[axis] = std::min(at + step, high[axis]);
     box.min()[axis] = std::max(at - reach, low[axis]), box.max()[axis] = std::min(at + step + reach, high[axis]);
-    transform(box, asked, cells, stack);
+    transform(box, target, cells, stack);
   }
   gpu::Batch batch(device_);
   batch.fill(dirty_, 1, 0, 4 * block_of_.size());
   return run_waves(batch, updated);
 }
 
-/// Transforms the voxels of `asked`; sites outside `box` are too far away to matter. Upper corners are exclusive.
-void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& asked, const gpu::Buffer (&cells)[2],
+/// Transforms the voxels of `target`; sites outside `box` are too far away to matter. Upper corners are exclusive.
+void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& target, const gpu::Buffer (&cells)[2],
                      const gpu::Buffer& stack) {
   std::vector<std::uint32_t> blocks;
   for (std::size_t slot = 0; slot < block_of_.size(); ++slot) {
@@ -347,8 +349,8 @@ void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& 
   const shader::EsdfBoxPush push{.field = view(),
                                  .first = box.min(),
                                  .size = size,
-                                 .low = asked.min(),
-                                 .high = asked.max(),
+                                 .low = target.min(),
+                                 .high = target.max(),
                                  .blocks = count,
                                  .capacity = list_capacity_};
   gpu::Batch batch(device_);
@@ -359,9 +361,9 @@ void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& 
     const gpu::Buffer &from = cells[axis & 1], &to = cells[1 - (axis & 1)];
     const int across = axis == 2 ? size.y() : size.z(), rows = axis == 0 ? size.y() : size.x();
     const auto row_cells = static_cast<std::uint64_t>(across) * static_cast<std::uint64_t>(size[axis]);
-    const int together = static_cast<int>(std::clamp<std::uint64_t>(kStackCells / row_cells, 1, 65535));
-    for (int row = 0; row < rows; row += together) {
-      const auto some = static_cast<std::uint32_t>(std::min(together, rows - row));
+    const int rows_per_dispatch = static_cast<int>(std::clamp<std::uint64_t>(kStackCells / row_cells, 1, 65535));
+    for (int row = 0; row < rows; row += rows_per_dispatch) {
+      const auto some = static_cast<std::uint32_t>(std::min(rows_per_dispatch, rows - row));
       kernels_->lines(batch, {static_cast<std::uint32_t>(across), some, 1},
                       {.field = view(),
                        .first = box.min(),
@@ -377,9 +379,9 @@ void Esdf::transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& 
 }
 
 /// Propagates the changed sites in the list to distances.
-Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
+Esdf::Updated Esdf::propagate(gpu::Batch& batch, bool restart) {
   Updated updated;
-  std::vector<shader::EsdfCount> counts(kSteps + 1, kNothing);
+  std::vector<shader::EsdfCount> counts(kSteps + 1, kEmptyCount);
   std::uint32_t removed[1] = {0};
   if (!restart) {
     batch.download(counts_, std::span(counts).first(1));
@@ -387,26 +389,27 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
     batch.run();
     updated.sites = static_cast<int>(counts[0].count);
     const std::uint64_t voxels = block_of_.size() * std::uint64_t{shader::kEsdfVoxels};
-    restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - settled_) > block_of_.size() ||
+    restart = counts[0].count > list_capacity_ || 2 * (block_of_.size() - propagated_) > block_of_.size() ||
               kVoxelsOfASite * std::uint64_t{counts[0].count} > voxels;
   }
   updated.rebuilt = restart;
   if (restart) {  // start with an empty list
-    counts[0] = kNothing;
+    counts[0] = kEmptyCount;
     batch.upload(counts_, counts);
     batch.run();
     if (transform(updated)) {
-      settled_ = block_of_.size();
+      propagated_ = block_of_.size();
       return updated;
     }
     batch.upload(counts_, counts);
   }
   std::vector<std::uint32_t> blocks;
-  for (std::size_t slot = restart || removed[0] != 0 ? 0 : settled_; slot < block_of_.size(); ++slot)
-    blocks.push_back(static_cast<std::uint32_t>(slot) << shader::kBlockFlags | (restart ? shader::kBlockRestart
-                                                                                : slot >= settled_ ? shader::kBlockIsNew
-                                                                                                   : 0u));
-  settled_ = block_of_.size();
+  for (std::size_t slot = restart || removed[0] != 0 ? 0 : propagated_; slot < block_of_.size(); ++slot)
+    blocks.push_back(static_cast<std::uint32_t>(slot) << shader::kBlockFlags |
+                     (restart               ? shader::kBlockRestart
+                      : slot >= propagated_ ? shader::kBlockIsNew
+                                            : 0u));
+  propagated_ = block_of_.size();
   if (blocks.empty() && updated.sites == 0) return updated;
   batch.upload(check_list_, blocks);
   const auto count = static_cast<std::uint32_t>(blocks.size());
@@ -417,7 +420,7 @@ Esdf::Updated Esdf::spread(gpu::Batch& batch, bool restart) {
   if (!restart)
     kernels_->raise.indirect(batch, counts_, 0, first,
                              {texels(list_[0]), texels(nearest_), texels(surface_), texels(blocks_), texels(table_)});
-  kernels_->settle.indirect(batch, counts_, 0, first, {&list_[0], &dirty_, texels(nearest_)});
+  kernels_->finalize.indirect(batch, counts_, 0, first, {&list_[0], &dirty_, texels(nearest_)});
   if (run_waves(batch, updated)) return updated;
   if (restart) {  // many small fragments of surface make wide waves
     resize_lists(2 * list_capacity_);
@@ -433,7 +436,7 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
   std::vector<shader::EsdfCount> counts(kSteps + 1);
   while (true) {
     for (std::uint32_t step = 0; step < kSteps; ++step) {
-      // Settling each step makes the result independent of the thread order. Between frames it would cost a tenth of
+      // Finalizing each step makes the result independent of the thread order. Between frames it would cost a tenth of
       // the time, and that field is not written to a file.
       const gpu::Buffer &now = list_[step & 1], &next = list_[(step + 1) & 1];
       kernels_->lower.indirect(
@@ -442,10 +445,10 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
            .list = shader::address(now),
            .step = step,
            .capacity = list_capacity_,
-           .is_settled = updated.rebuilt},
+           .is_final = updated.rebuilt},
           {texels(now), &next, &dirty_, texels(nearest_), texels(surface_), texels(blocks_), texels(table_), &dirty_});
       if (updated.rebuilt)
-        kernels_->settle.indirect(
+        kernels_->finalize.indirect(
             batch, counts_, (step + 1) * sizeof(shader::EsdfCount),
             {.field = view(), .list = shader::address(next), .step = step + 1, .capacity = list_capacity_},
             {&next, &dirty_, texels(nearest_)});
@@ -460,7 +463,7 @@ bool Esdf::run_waves(gpu::Batch& batch, Updated& updated) {
     if (counts[kSteps].count == 0) return true;
     updated.voxels -= static_cast<int>(counts[kSteps].count), --updated.steps;  // counted again in the next round
     counts[0] = counts[kSteps];
-    std::fill(counts.begin() + 1, counts.end(), kNothing);
+    std::fill(counts.begin() + 1, counts.end(), kEmptyCount);
     batch.upload(counts_, counts);
   }
 }
@@ -473,10 +476,10 @@ std::shared_ptr<const DistanceField> distances_of(gpu::Device& device, const Bri
   std::optional<Eigen::Vector3d> last;
   for (const StampedPose& pose : visited) {
     if (radius == 0) break;
-    const Eigen::Vector3d centre = pose.world_from_camera.translation() / voxel;
-    if (last && (centre - *last).norm() < kSameBall) continue;
-    last = centre;
-    const BrickMarks marks = ball(centre, radius / voxel);
+    const Eigen::Vector3d center = pose.world_from_camera.translation() / voxel;
+    if (last && (center - *last).norm() < kMinBallSpacing) continue;
+    last = center;
+    const BrickMarks marks = ball(center, radius / voxel);
     for (std::size_t i = 0; i < marks.bricks.size(); ++i)
       if (!box || box->contains(marks.bricks[i])) around.mark_free(marks.bricks[i], marks.voxels[i]);
   }
@@ -515,14 +518,14 @@ std::shared_ptr<const DistanceField> Esdf::field() {
     batch.download(distances_, distances);
     batch.run();
     for (std::size_t i = 0; i < some.size(); ++i) {
-      const bool is_known =
+      const bool is_observed =
           std::any_of(distances[i].begin(), distances[i].end(), [](float d) { return !std::isnan(d); });
-      samples_[some[i]] = is_known ? std::make_shared<const DistanceField::Block>(distances[i]) : nullptr;
+      samples_[some[i]] = is_observed ? std::make_shared<const DistanceField::Block>(distances[i]) : nullptr;
     }
   }
   DistanceField::Blocks blocks;
   for (std::size_t slot = 0; slot < samples_.size(); ++slot)
-    if (samples_[slot]) blocks.emplace_back(block_of_[slot], samples_[slot]);
+    if (samples_[slot]) blocks.push_back({block_of_[slot], samples_[slot]});
   return std::make_shared<const DistanceField>(voxel_size_, Eigen::Vector3f::Constant(offset), options_.max_distance,
                                                std::move(blocks));
 }

@@ -8,8 +8,8 @@
 #include <unordered_set>
 #include <vector>
 
-#include "cairn/esdf.hpp"
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/esdf.hpp"
+#include "cairn/mapping/trajectory.hpp"
 #include "shaders/esdf.h"
 #include "volume/volume.hpp"
 
@@ -27,9 +27,9 @@ namespace cairn {
 /// et al. 2017; the wave is vector propagation after Danielsson 1980).
 class Esdf {
  public:
-  /// Throws std::runtime_error unless the voxel size is 1, 2, 4 or 8 TSDF voxels. A field of more than `most_texels`
+  /// Throws std::runtime_error unless the voxel size is 1, 2, 4 or 8 TSDF voxels. A field of more than `max_texels`
   /// voxels is read by address; 0: limit of the device.
-  Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t most_texels = 0);
+  Esdf(gpu::Device& device, const FuseOptions& fuse, const EsdfOptions& options, std::uint64_t max_texels = 0);
 
   struct Updated {
     int sites = 0;   // voxels with an added, removed or moved site
@@ -58,7 +58,7 @@ class Esdf {
     bool in_texels;  // false: the field and the volume are read by address
     gpu::Kernel<shader::EsdfSitesPush> sites;
     gpu::Kernel<shader::EsdfCheckPush> check;
-    gpu::Kernel<shader::EsdfWavePush> raise, settle, lower;
+    gpu::Kernel<shader::EsdfWavePush> raise, finalize, lower;
     gpu::Kernel<shader::EsdfDistancePush> distance;
     gpu::Kernel<shader::EsdfBoxPush> seed, nearest;
     gpu::Kernel<shader::EsdfLinesPush> lines;
@@ -72,9 +72,9 @@ class Esdf {
   void choose_kernels(bool is_volume_in_texels);
   void find_sites(gpu::Batch& batch, std::span<const shader::EsdfJob> jobs, const gpu::Buffer& voxels);
   [[nodiscard]] const gpu::Buffer* texels(const gpu::Buffer& buffer) const;
-  Updated spread(gpu::Batch& batch, bool restart);
+  Updated propagate(gpu::Batch& batch, bool restart);
   [[nodiscard]] bool transform(Updated& updated);
-  void transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& asked, const gpu::Buffer (&cells)[2],
+  void transform(const Eigen::AlignedBox3i& box, const Eigen::AlignedBox3i& target, const gpu::Buffer (&cells)[2],
                  const gpu::Buffer& stack);
   [[nodiscard]] bool run_waves(gpu::Batch& batch, Updated& updated);
   [[nodiscard]] shader::EsdfView view() const;
@@ -84,7 +84,7 @@ class Esdf {
   EsdfOptions options_;
   int scale_;         // TSDF voxels per ESDF voxel, along one axis
   float voxel_size_;  // meters
-  std::uint64_t most_texels_;
+  std::uint64_t max_texels_;
   std::optional<Kernels> kernels_;
 
   std::uint32_t capacity_ = 0, table_bits_ = 0, list_capacity_ = 0;  // blocks; voxels
@@ -92,11 +92,12 @@ class Esdf {
       check_list_, distances_;
   std::vector<Block> block_of_;  // by slot
   std::unordered_map<Block, std::uint32_t, BrickHash> slot_of_;
-  std::unordered_set<Block, BrickHash> known_, near_;         // blocks with observed voxels; these and their
-                                                              // surroundings
-  std::unordered_map<Block, int, BrickHash> unknown_around_;  // number of surrounding blocks not in near_; missing: all
-  Eigen::AlignedBox3i box_;                                   // bounds of all blocks
-  std::size_t settled_ = 0;                                   // blocks with a smaller slot took part in a wave
+  std::unordered_set<Block, BrickHash> observed_, near_;  // blocks with observed voxels; these and their
+                                                          // surroundings
+  std::unordered_map<Block, int, BrickHash>
+      unobserved_around_;       // number of surrounding blocks not in near_; missing: all
+  Eigen::AlignedBox3i box_;     // bounds of all blocks
+  std::size_t propagated_ = 0;  // blocks with a smaller slot took part in a wave
   std::vector<std::shared_ptr<const DistanceField::Block>> samples_;  // by slot
 };
 

@@ -15,7 +15,7 @@
 
 namespace cairn {
 
-/// Known voxels of a brick, and voxels behind the surface; see with_unknown.
+/// Known voxels of a brick, and voxels behind the surface; see fill_unknown_signs.
 struct GridBrick {
   std::array<int, 3> brick{};
   BrickBits known{}, behind{};

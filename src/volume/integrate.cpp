@@ -10,7 +10,7 @@
 #include "spirv/brick_mark.comp.h"
 #include "spirv/brick_place.comp.h"
 #include "spirv/brick_select.comp.h"
-#include "spirv/depth_least.comp.h"
+#include "spirv/depth_min.comp.h"
 #include "spirv/depth_tiles.comp.h"
 #include "spirv/tsdf_integrate.comp.h"
 #include "spirv/voxel_free.comp.h"
@@ -51,7 +51,7 @@ Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceO
       counts_(device, sizeof(shader::FusionCounts)),
       farthest_(device, 4 * std::uint64_t{shader::tiles(camera)}),
       nearest_(device, 4 * std::uint64_t{shader::tiles(camera)}),
-      least_(device, 4 * pixel_quads(camera)),
+      quad_min_depth_(device, 4 * pixel_quads(camera)),
       vacant_(device, 4 * kVacantAtOnce),
       missing_(device, kMissingAtOnce * sizeof(shader::Placement)),
       free_bricks_(device, kFreeAtOnce * sizeof(shader::ivec3)),
@@ -60,20 +60,20 @@ Integrator::Integrator(gpu::Device& device, const Camera& camera, const SurfaceO
       tiles_(device, "depth_tiles", depth_tiles_comp),
       mark_(device, "brick_mark", brick_mark_comp),
       place_(device, "brick_place", brick_place_comp),
-      least_of_(device, "depth_least", depth_least_comp),
+      find_quad_min_depth_(device, "depth_min", depth_min_comp),
       free_(device, "brick_free", brick_free_comp),
       voxels_free_(device, "voxel_free", voxel_free_comp),
       select_(device, "brick_select", brick_select_comp),
       integrate_(device, "tsdf_integrate", tsdf_integrate_comp, shader::constants_of(sensor),
-                 gpu::threads_together(device, 64)) {}
+                 gpu::preferred_workgroup_size(device, 64)) {}
 
-Fused Integrator::integrate(const Surface& surface, const Eigen::Isometry3d& submap_from_camera, Volume& volume,
-                            std::uint32_t fused_count, std::uint32_t look_every) {
+IntegrationResult Integrator::integrate(const FramePyramid& surface, const Eigen::Isometry3d& submap_from_camera,
+                                        Volume& volume, std::uint32_t fused_count, std::uint32_t carving_interval) {
   volume.move_window(submap_from_camera.translation());
-  const bool looks_through = fused_count % look_every == 1 % look_every;
-  Fused fused;
+  const bool carves = fused_count % carving_interval == 1 % carving_interval;
+  IntegrationResult fused;
   for (;;) {
-    const Pass pass = pass_over(surface, submap_from_camera, volume, fused_count, looks_through);
+    const Pass pass = pass_over(surface, submap_from_camera, volume, fused_count, carves);
     fused.new_bricks += static_cast<int>(pass.missing.size());
     const std::vector<Brick> waiting = volume.note_placed(pass.missing);
     if (pass.counts.waiting > 0) {  // nothing was integrated in this pass
@@ -96,16 +96,16 @@ std::vector<Brick> Integrator::mark_free(const Pass& pass, const Eigen::Vector3d
   marks.voxels.resize(marks.bricks.size(), kAllBits);
   marks.bricks.insert(marks.bricks.end(), pass.part_bricks.begin(), pass.part_bricks.end());
   marks.voxels.insert(marks.voxels.end(), pass.free_voxels.begin(), pass.free_voxels.end());
-  std::vector<Brick> news = volume.mark_free(marks);
-  std::sort(news.begin(), news.end(), before);
-  news.erase(std::unique(news.begin(), news.end()), news.end());
-  return news;
+  std::vector<Brick> newly_free = volume.mark_free(marks);
+  std::sort(newly_free.begin(), newly_free.end(), before);
+  newly_free.erase(std::unique(newly_free.begin(), newly_free.end()), newly_free.end());
+  return newly_free;
 }
 
 /// Assigns slots to the bricks of the frame's truncation band and integrates the frame into all bricks in view; the
 /// latter only if no brick waits for the host.
-Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                                       const Volume& volume, std::uint32_t fused_count, bool looks_through) {
+Integrator::Pass Integrator::pass_over(const FramePyramid& surface, const Eigen::Isometry3d& submap_from_camera,
+                                       const Volume& volume, std::uint32_t fused_count, bool carves) {
   const std::vector<std::uint32_t> vacant = volume.vacant_slots(kVacantAtOnce);
   const std::uint32_t slots =
       vacant.empty() ? volume.slot_count() : std::max(volume.slot_count(), *std::ranges::max_element(vacant) + 1);
@@ -115,21 +115,21 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
     changed_ = gpu::Buffer(device_, room * 4);
   }
   Pass pass;
-  pass.counts.placed = pass.counts.fused = pass.counts.looked_at = {0, 1, 1};
+  pass.counts.placed = pass.counts.fused = pass.counts.carved = {0, 1, 1};
 
   gpu::Batch batch(device_);
   batch.upload(counts_, std::span<const shader::FusionCounts>(&pass.counts, 1));
   batch.upload(vacant_, vacant);
   place_missing(batch, surface, submap_from_camera, volume, fused_count, static_cast<std::uint32_t>(vacant.size()));
   fuse(batch, surface, submap_from_camera, volume, fused_count, slots);
-  if (looks_through) look_through(batch, surface, submap_from_camera, volume);
+  if (carves) carve_free_space(batch, surface, submap_from_camera, volume);
 
   pass.missing.resize(kFirstDownload);
-  pass.free_bricks.resize(looks_through ? kFirstDownload : 0);
+  pass.free_bricks.resize(carves ? kFirstDownload : 0);
   const auto parts = static_cast<std::uint32_t>(free_voxels_.size() / sizeof(BrickBits));
-  pass.part_bricks.resize(looks_through ? std::min(usually_in_part_, parts) : 0);
+  pass.part_bricks.resize(carves ? std::min(expected_partly_free_, parts) : 0);
   pass.free_voxels.resize(pass.part_bricks.size());
-  pass.selected.resize(std::min<std::size_t>(usually_selected_, changed_.size() / 4));
+  pass.selected.resize(std::min<std::size_t>(expected_selected_, changed_.size() / 4));
   pass.changed.resize(pass.selected.size());
   batch.download(counts_, std::span<shader::FusionCounts>(&pass.counts, 1));
   batch.download(missing_, pass.missing);
@@ -145,8 +145,8 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
   read_rest(pass.free_voxels, pass.counts.free_in_part, free_voxels_);
   read_rest(pass.selected, pass.counts.selected, selected_);
   read_rest(pass.changed, pass.counts.selected, changed_);
-  usually_selected_ = pass.counts.selected + pass.counts.selected / 4 + kFirstDownload;
-  if (looks_through) usually_in_part_ = pass.counts.free_in_part + pass.counts.free_in_part / 4 + kFirstDownload;
+  expected_selected_ = pass.counts.selected + pass.counts.selected / 4 + kFirstDownload;
+  if (carves) expected_partly_free_ = pass.counts.free_in_part + pass.counts.free_in_part / 4 + kFirstDownload;
   if (pass.counts.free_in_part > parts) {  // the next carving pass finds the rest
     part_bricks_ = gpu::Buffer(device_, 2 * std::uint64_t{pass.counts.free_in_part} * sizeof(shader::ivec3));
     free_voxels_ = gpu::Buffer(device_, 2 * std::uint64_t{pass.counts.free_in_part} * sizeof(BrickBits));
@@ -155,8 +155,9 @@ Integrator::Pass Integrator::pass_over(const Surface& surface, const Eigen::Isom
 }
 
 /// Lists the bricks needed by the frame and without a slot, and assigns vacant slots.
-void Integrator::place_missing(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                               const Volume& volume, std::uint32_t fused_count, std::uint32_t vacant) {
+void Integrator::place_missing(gpu::Batch& batch, const FramePyramid& surface,
+                               const Eigen::Isometry3d& submap_from_camera, const Volume& volume,
+                               std::uint32_t fused_count, std::uint32_t vacant) {
   // Adjacent samples are at most half a brick apart.
   const auto stride =
       static_cast<std::uint32_t>(std::clamp(0.5 * volume.brick_size() * camera_.fx / options_.max_depth, 1.0, 4.0));
@@ -176,7 +177,7 @@ void Integrator::place_missing(gpu::Batch& batch, const Surface& surface, const 
 }
 
 /// Integrates the frame into the visible bricks of the first `slots` slots.
-void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
+void Integrator::fuse(gpu::Batch& batch, const FramePyramid& surface, const Eigen::Isometry3d& submap_from_camera,
                       const Volume& volume, std::uint32_t fused_count, std::uint32_t slots) {
   tiles_(batch, {shader::tiles(camera_), 1, 1},
          {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
@@ -196,7 +197,7 @@ void Integrator::fuse(gpu::Batch& batch, const Surface& surface, const Eigen::Is
                       {.voxels = volume.view().voxels,
                        .camera = shader::pinhole(camera_),
                        .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
-                       .has_colour = surface.has_colour,
+                       .has_color = surface.has_color,
                        .voxel_size = volume.options().voxel_size,
                        .truncation = volume.options().truncation,
                        .max_weight = volume.options().max_weight,
@@ -216,8 +217,8 @@ void Integrator::read_rest(std::vector<T>& list, std::uint32_t count, const gpu:
 }
 
 /// Lists newly free bricks and voxels between the camera and the observed surfaces.
-void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const Eigen::Isometry3d& submap_from_camera,
-                              const Volume& volume) {
+void Integrator::carve_free_space(gpu::Batch& batch, const FramePyramid& surface,
+                                  const Eigen::Isometry3d& submap_from_camera, const Volume& volume) {
   Eigen::AlignedBox3d view(submap_from_camera.translation());
   for (int corner = 0; corner < 4; ++corner) {
     const Eigen::Vector2d pixel((corner & 1) != 0 ? camera_.width : 0, (corner & 2) != 0 ? camera_.height : 0);
@@ -236,16 +237,17 @@ void Integrator::look_through(gpu::Batch& batch, const Surface& surface, const E
          .size = static_cast<std::uint32_t>(clipped.x() | clipped.y() << 10 | clipped.z() << 20),
          .min_depth = options_.min_depth},
         {&farthest_, &nearest_, &volume.page_table(), &volume.free_marks(), &counts_, &free_bricks_, &part_bricks_});
-  least_of_(batch, {static_cast<std::uint32_t>(pixel_quads(camera_)), 1, 1},
-            {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
-            {surface.fusion, &least_});
-  voxels_free_.indirect(batch, counts_, offsetof(shader::FusionCounts, looked_at),
+  find_quad_min_depth_(
+      batch, {static_cast<std::uint32_t>(pixel_quads(camera_)), 1, 1},
+      {.width = static_cast<std::uint32_t>(camera_.width), .height = static_cast<std::uint32_t>(camera_.height)},
+      {surface.fusion, &quad_min_depth_});
+  voxels_free_.indirect(batch, counts_, offsetof(shader::FusionCounts, carved),
                         {.camera = shader::pinhole(camera_),
                          .camera_from_submap = shader::rigid(submap_from_camera.inverse()),
                          .bricks = static_cast<std::uint32_t>(part_bricks_.size() / sizeof(shader::ivec3)),
                          .voxel_size = volume.options().voxel_size,
                          .truncation = volume.options().truncation},
-                        {&least_, &part_bricks_, &free_voxels_});
+                        {&quad_min_depth_, &part_bricks_, &free_voxels_});
 }
 
 }  // namespace cairn

@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-// Corners of the six faces, counter-clockwise seen from outside; corner c lies at (c & 1, c >> 1 & 1, c >> 2).
+// Corners of the six faces, counter-clockwise seen from outside; corner c is at (c & 1, c >> 1 & 1, c >> 2).
 constexpr int kFaces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
 
 std::uint32_t edge_between(int a, int b) {

@@ -15,11 +15,11 @@
 namespace cairn {
 namespace {
 
-constexpr std::size_t kSlots = 8192;    // source bricks on the device at once: 32 MiB
-constexpr std::size_t kTargets = 4096;  // output bricks per dispatch
-constexpr std::size_t kAround = 27;     // source bricks overlapped by a rotated brick, at most
-constexpr std::size_t kLoaded = 1024;   // output bricks per load of their sources
-constexpr std::size_t kShares = 64;     // maximum number of submaps per output brick; the weights saturate long before
+constexpr std::size_t kSlots = 8192;          // source bricks on the device at once: 32 MiB
+constexpr std::size_t kTargets = 4096;        // output bricks per dispatch
+constexpr std::size_t kMaxSourceBricks = 27;  // source bricks overlapped by a rotated brick, at most
+constexpr std::size_t kJobsPerLoad = 1024;    // output bricks per load of their sources
+constexpr std::size_t kMaxShares = 64;  // maximum number of submaps per output brick; the weights saturate long before
 
 /// Free space: far from any surface, with a weight too small to bound a mesh.
 const std::uint64_t kFreeVoxel = shader::pack_voxel(1.0f, 1.0f / 16);
@@ -38,8 +38,8 @@ Placed place(const Brick& target, const MergeShare& share, float voxel_size) {
   Eigen::AlignedBox3d box;
   for (int corner = 0; corner < 8; ++corner)
     box.extend(in_voxels * Eigen::Vector3d(corner & 1 ? 7 : 0, corner & 2 ? 7 : 0, corner & 4 ? 7 : 0));
-  constexpr double kRound = 1e-3;  // voxels
-  const Brick base = ((box.min().array() + kRound).floor() / 8).floor().cast<int>().matrix();
+  constexpr double kRoundingMargin = 1e-3;  // voxels
+  const Brick base = ((box.min().array() + kRoundingMargin).floor() / 8).floor().cast<int>().matrix();
   in_voxels.translation() -= (8 * base).cast<double>();
   const bool is_plain = in_voxels.matrix().isIdentity(1e-4);
   if (is_plain) in_voxels.setIdentity();
@@ -52,7 +52,7 @@ Brick around(const Brick& base, std::size_t i) {
 }
 
 std::span<const MergeShare> shares_of(const MergeJob& job) {
-  return std::span(job.shares).first(std::min(kShares, job.shares.size()));
+  return std::span(job.shares).first(std::min(kMaxShares, job.shares.size()));
 }
 
 /// Source bricks per submap for some jobs.
@@ -61,7 +61,7 @@ std::map<std::size_t, BrickBox> boxes_of(std::span<const MergeJob> jobs, float v
   for (const MergeJob& job : jobs)
     for (const MergeShare& share : shares_of(job)) {
       const Brick base = place(job.target, share, voxel_size).base;
-      boxes[share.submap].extend(base).extend(around(base, kAround - 1));
+      boxes[share.submap].extend(base).extend(around(base, kMaxSourceBricks - 1));
     }
   return boxes;
 }
@@ -84,13 +84,13 @@ void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const Loa
   std::map<std::size_t, std::unordered_map<Brick, std::uint32_t, BrickHash>> slots;
   to.used = shader::kFreeSlot + 1;
   for (; to.end < jobs.size() && to.targets.size() < kTargets; ++to.end) {
-    if ((to.end - begin) % kLoaded == 0) {
-      boxes = boxes_of(jobs.subspan(to.end, std::min(kLoaded, jobs.size() - to.end)), options_.voxel_size);
+    if ((to.end - begin) % kJobsPerLoad == 0) {
+      boxes = boxes_of(jobs.subspan(to.end, std::min(kJobsPerLoad, jobs.size() - to.end)), options_.voxel_size);
       parts.clear();
     }
     const MergeJob& job = jobs[to.end];
     const auto shares = shares_of(job);
-    if (to.used + kAround * shares.size() > kSlots) break;
+    if (to.used + kMaxSourceBricks * shares.size() > kSlots) break;
     to.targets.push_back(
         {.first = static_cast<std::uint32_t>(to.sources.size()), .count = static_cast<std::uint32_t>(shares.size())});
     for (const MergeShare& share : shares) {
@@ -98,18 +98,18 @@ void Merger::gather(std::span<const MergeJob> jobs, std::size_t begin, const Loa
       if (!part) part = submap(share.submap, boxes.at(share.submap));
       auto& slot_of = slots[share.submap];
       Placed placed = place(job.target, share, options_.voxel_size);
-      for (std::size_t i = 0; i < (placed.is_plain ? 1 : kAround); ++i) {
+      for (std::size_t i = 0; i < (placed.is_plain ? 1 : kMaxSourceBricks); ++i) {
         const Brick brick = around(placed.base, i);
-        const auto [known, is_new] = slot_of.try_emplace(brick, shader::kEmptySlot);
+        const auto [entry, is_new] = slot_of.try_emplace(brick, shader::kEmptySlot);
         if (is_new) {
           if (const std::uint64_t* voxels = part->find(brick)) {
             std::memcpy(to.voxels[to.used].data(), voxels, sizeof(BrickVoxels));
-            known->second = to.used++;
+            entry->second = to.used++;
           } else if (part->is_free(brick)) {
-            known->second = shader::kFreeSlot;
+            entry->second = shader::kFreeSlot;
           }
         }
-        placed.source.slots[i] = known->second;
+        placed.source.slots[i] = entry->second;
       }
       to.sources.push_back(placed.source);
     }

@@ -11,7 +11,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "base/mesh_vertices.hpp"
+#include "geometry/mesh_vertices.hpp"
 #include "spirv/polygonize_classify.comp.h"
 #include "spirv/polygonize_triangles.comp.h"
 #include "spirv/polygonize_vertices.comp.h"
@@ -30,7 +30,7 @@ Brick corner(std::uint32_t c) {
 }
 
 /// Bricks needed on the device for a region: its own and all their neighbors.
-std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
+std::vector<Brick> with_neighbors(std::span<const Brick> bricks) {
   std::vector<Brick> all;
   for (const Brick& b : bricks)
     for (int x = -1; x <= 1; ++x)
@@ -44,9 +44,9 @@ std::vector<Brick> with_neighbours(std::span<const Brick> bricks) {
 bool is_on_device(const Volume& volume, const Brick& brick) { return volume.slot_of(brick) != Volume::kNoSlot; }
 
 struct Plan {
-  std::vector<Brick> bricks;              // bricks with triangles first, then the owners of their remaining edges
-  std::size_t makers = 0;                 // number of bricks with triangles
-  std::vector<std::uint32_t> neighbours;  // 8 per brick: indices in `bricks` of the bricks at its corners; 0 if missing
+  std::vector<Brick> bricks;             // bricks with triangles first, then the owners of their remaining edges
+  std::size_t makers = 0;                // number of bricks with triangles
+  std::vector<std::uint32_t> neighbors;  // 8 per brick: indices in `bricks` of the bricks at its corners; 0 if missing
 };
 
 Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Brick&)>& exists) {
@@ -58,8 +58,8 @@ Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Bric
   std::vector<Brick>& bricks = plan.bricks;
   for (const Brick& b : wanted)
     for (std::uint32_t c = 1; c < 8; ++c)
-      if (const Brick neighbour = b + corner(c); !is_wanted.contains(neighbour) && exists(neighbour))
-        is_wanted[neighbour] = false;
+      if (const Brick neighbor = b + corner(c); !is_wanted.contains(neighbor) && exists(neighbor))
+        is_wanted[neighbor] = false;
   bricks.reserve(is_wanted.size());
   for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
   std::sort(bricks.begin(), bricks.end(), by_cell);
@@ -68,11 +68,11 @@ Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Bric
       bricks.begin());
   std::unordered_map<Brick, std::uint32_t, BrickHash> position;
   for (std::size_t i = 0; i < bricks.size(); ++i) position.emplace(bricks[i], static_cast<std::uint32_t>(i));
-  plan.neighbours.resize(8 * bricks.size(), 0);
+  plan.neighbors.resize(8 * bricks.size(), 0);
   for (std::size_t i = 0; i < bricks.size(); ++i)
     for (std::uint32_t c = 0; c < 8; ++c)
       if (const auto it = position.find(bricks[i] + corner(c)); it != position.end())
-        plan.neighbours[8 * i + c] = it->second;
+        plan.neighbors[8 * i + c] = it->second;
   return plan;
 }
 
@@ -87,12 +87,12 @@ struct Polygonizer::Work {
         firsts(device, plan.bricks.size() * shader::kEdgeWords * 4),
         cells(device, plan.bricks.size() * 512),
         counts(device, plan.bricks.size() * 64 * 4),
-        neighbours(device, plan.bricks.size() * 32),
+        neighbors(device, plan.bricks.size() * 32),
         triangles_of_column(plan.bricks.size() * 64) {
     const std::vector<shader::ivec3> list(plan.bricks.begin(), plan.bricks.end());
     gpu::Batch batch(device);
     batch.upload(brick_list, list);
-    batch.upload(neighbours, plan.neighbours);
+    batch.upload(neighbors, plan.neighbors);
     batch.fill(masks, 0);
     batch.submit();
   }
@@ -106,8 +106,8 @@ struct Polygonizer::Work {
             .triangles = shader::address(counts)};
   }
   const Plan& plan;
-  gpu::Buffer brick_list, masks, firsts, cells, counts, neighbours;  // firsts: index of the first vertex by word of the
-                                                                     // masks
+  gpu::Buffer brick_list, masks, firsts, cells, counts, neighbors;  // firsts: index of the first vertex by word of the
+                                                                    // masks
   std::vector<std::uint32_t> triangles_of_column;
 };
 
@@ -151,7 +151,7 @@ Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> wanted,
            (resident || cell_of(plan.bricks[end], kCell) == cell))
       ++end;
     if (!resident) {
-      const std::vector<Brick> needed = with_neighbours(std::span(plan.bricks).subspan(begin, end - begin));
+      const std::vector<Brick> needed = with_neighbors(std::span(plan.bricks).subspan(begin, end - begin));
       volume.move_window_to(needed);
       volume.page_in(needed);
     }
@@ -185,7 +185,7 @@ void Polygonizer::add_vertices(const Volume& volume, Work& work, std::size_t beg
   for (const auto& v : vertices) {
     mesh.positions.emplace_back(v.position);
     mesh.normals.emplace_back(v.normal);
-    mesh.colours.push_back(std::bit_cast<std::array<std::uint8_t, 4>>(v.colour | 0xff000000u));
+    mesh.colors.push_back(std::bit_cast<std::array<std::uint8_t, 4>>(v.color | 0xff000000u));
     mesh.weights.push_back(v.weight);
   }
 }
@@ -208,9 +208,8 @@ void Polygonizer::add_triangles(const Volume& volume, Work& work, Mesh& mesh) {
     const std::size_t first = first_of_column[64 * begin], last = end < bricks ? first_of_column[64 * end] : total;
     const gpu::Buffer indices(device_, (last - first) * 12);
     const shader::PolygonizePush push = work.push(volume, begin, end);
-    triangles_(
-        batch, {64 * push.count, 1, 1}, push,
-        {&volume.page_table(), &work.brick_list, &table_, &work.masks, &work.firsts, &work.neighbours, &indices});
+    triangles_(batch, {64 * push.count, 1, 1}, push,
+               {&volume.page_table(), &work.brick_list, &table_, &work.masks, &work.firsts, &work.neighbors, &indices});
     batch.download(indices, std::span(mesh.triangles).subspan(first, last - first));
     batch.run();
   }

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 #include "shaders/polygonize.h"
 #include "volume/volume.hpp"
 

@@ -65,8 +65,8 @@ SurfacePrediction Raycaster::view_from(const Eigen::Isometry3d& submap_from_came
   return view;
 }
 
-Raycaster::Saved Raycaster::save(const SurfacePrediction& view) const {
-  Saved saved{.submap_from_camera = view.submap_from_camera, .points = {}};
+Raycaster::SavedState Raycaster::save(const SurfacePrediction& view) const {
+  SavedState saved{.submap_from_camera = view.submap_from_camera, .points = {}};
   if (view.levels.empty()) return saved;
   saved.points.resize(levels_[0].points.size() / 4);
   gpu::Batch batch(device_);
@@ -75,7 +75,7 @@ Raycaster::Saved Raycaster::save(const SurfacePrediction& view) const {
   return saved;
 }
 
-SurfacePrediction Raycaster::restore(const Saved& saved) {
+SurfacePrediction Raycaster::restore(const SavedState& saved) {
   if (saved.points.size() * 4 != levels_[0].points.size()) return {};
   gpu::Batch batch(device_);
   batch.upload(levels_[0].points, saved.points);

@@ -4,8 +4,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "preprocess/prediction.hpp"
 #include "shaders/surface.h"
-#include "surface/prediction.hpp"
 #include "volume/voxel_kernel.hpp"
 
 namespace cairn {
@@ -17,14 +17,14 @@ class Raycaster {
   [[nodiscard]] SurfacePrediction raycast(const Volume& volume, const Eigen::Isometry3d& submap_from_camera);
 
   /// Saved prediction; no prediction if `points` is empty.
-  struct Saved {
+  struct SavedState {
     Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
     std::vector<std::uint32_t> points;  // finest level
   };
   /// Saves the last prediction; `view` must be that prediction.
-  [[nodiscard]] Saved save(const SurfacePrediction& view) const;
+  [[nodiscard]] SavedState save(const SurfacePrediction& view) const;
   /// Returns a prediction without levels if none was saved or its size differs.
-  [[nodiscard]] SurfacePrediction restore(const Saved& saved);
+  [[nodiscard]] SurfacePrediction restore(const SavedState& saved);
 
  private:
   void halve(gpu::Batch& batch);

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint64_t kBrickBytes = sizeof(BrickVoxels);
 constexpr std::uint32_t kMinBricks = 2048;                       // 8 MiB; the minimum for a view of a room
-constexpr std::uint64_t kMostBricks = std::uint64_t{1} << 23;    // 32 GiB
+constexpr std::uint64_t kMaxBricks = std::uint64_t{1} << 23;     // 32 GiB
 constexpr std::uint32_t kMaxTableBits = 8;                       // 256 bricks per side: 64 MiB of page table
 constexpr std::size_t kBricksPerCopy = 4096;                     // 16 MiB of staging memory
 constexpr std::uint64_t kDefaultLimit = std::uint64_t{2} << 30;  // bytes
@@ -28,9 +28,9 @@ std::uint32_t table_bits_for(float reach, float brick_size) {
 }
 
 std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options, std::uint64_t table_bytes) {
-  const std::uint64_t usual = device.info().type == "cpu" ? kCpuLimit : kDefaultLimit;
+  const std::uint64_t default_budget = device.info().type == "cpu" ? kCpuLimit : kDefaultLimit;
   const std::uint64_t budget =
-      options.device_memory != 0 ? options.device_memory : std::min(device.info().memory / 2, usual);
+      options.device_memory != 0 ? options.device_memory : std::min(device.info().memory / 2, default_budget);
   const std::uint64_t per_brick = kBrickBytes + sizeof(shader::SlotState);
   const std::uint64_t needed = table_bytes + kMinBricks * per_brick;
   if (budget < needed)
@@ -39,7 +39,7 @@ std::uint32_t capacity_for(const gpu::Device& device, const FuseOptions& options
                              " MiB are needed at this voxel size");
   // The voxels are a single buffer, and voxel indices have 32 bits.
   return static_cast<std::uint32_t>(std::min({(budget - table_bytes) / per_brick, device.max_allocation() / kBrickBytes,
-                                              device.max_binding() / sizeof(shader::SlotState), kMostBricks}));
+                                              device.max_binding() / sizeof(shader::SlotState), kMaxBricks}));
 }
 
 }  // namespace
@@ -89,9 +89,10 @@ std::uint32_t Volume::slot_of(const Brick& brick) const {
   return found == slot_of_.end() ? kNoSlot : found->second;
 }
 
-void Volume::move_window(const Eigen::Vector3d& centre) {
-  constexpr int kGrain = 8;  // bricks; ignores smaller moves
-  const Brick middle = (centre / (8.0 * options_.voxel_size * kGrain)).array().round().cast<int>().matrix() * kGrain;
+void Volume::move_window(const Eigen::Vector3d& center) {
+  constexpr int kWindowStep = 8;  // bricks; ignores smaller moves
+  const Brick middle =
+      (center / (8.0 * options_.voxel_size * kWindowStep)).array().round().cast<int>().matrix() * kWindowStep;
   const Brick origin = middle - Brick::Constant(1 << (table_bits_ - 1)), before = origin_;
   if (origin == before) return;
   origin_ = origin;
@@ -118,11 +119,11 @@ void Volume::refresh_window(const std::optional<Brick>& origin_before) {
   host_.visit_free([&](const Brick& brick, const BrickBits& free) {
     if (in_window(brick) && free == kAllBits) marks_[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
   });
-  std::vector<shader::Placement> gone, come;
+  std::vector<shader::Placement> removed, added;
   host_.visit([&](const Brick& brick) {
     const bool was_in = origin_before && in_window(brick, *origin_before), is_in = in_window(brick);
     if (was_in == is_in || slot_of_.contains(brick)) return;
-    (is_in ? come : gone)
+    (is_in ? added : removed)
         .push_back({.brick = brick,
                     .slot = shader::kNoSlot,
                     .table_index = table_index(brick),
@@ -130,7 +131,7 @@ void Volume::refresh_window(const std::optional<Brick>& origin_before) {
   });
   gpu::Batch batch(device_);
   batch.upload(free_marks_, marks_);
-  for (const auto& placements : {gone, come}) {  // in this order, because they may share table entries
+  for (const auto& placements : {removed, added}) {  // in this order, because they may share table entries
     place(batch, placements, 0);
     batch.submit();
   }
@@ -140,10 +141,11 @@ std::uint32_t Volume::entry_without_slot(const Brick& brick) const {
   return in_window(brick) && host_.find(brick) != nullptr ? shader::kOnHost : 0;
 }
 
-std::vector<std::uint32_t> Volume::vacant_slots(std::uint32_t most) const {
+std::vector<std::uint32_t> Volume::vacant_slots(std::uint32_t max_count) const {
   std::vector<std::uint32_t> slots(
-      vacant_.rbegin(), vacant_.rbegin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(most, vacant_.size())));
-  for (std::uint32_t slot = high_slot_; slots.size() < most && slot < capacity_; ++slot) slots.push_back(slot);
+      vacant_.rbegin(),
+      vacant_.rbegin() + static_cast<std::ptrdiff_t>(std::min<std::size_t>(max_count, vacant_.size())));
+  for (std::uint32_t slot = high_slot_; slots.size() < max_count && slot < capacity_; ++slot) slots.push_back(slot);
   return slots;
 }
 
@@ -172,12 +174,12 @@ std::vector<Brick> Volume::note_placed(std::span<const shader::Placement> placem
 }
 
 std::vector<Brick> Volume::mark_free(const BrickMarks& marks) {
-  std::vector<Brick> news;
+  std::vector<Brick> newly_free;
   bool is_marked = false;
   for (std::size_t i = 0; i < marks.bricks.size(); ++i) {
     const Brick& brick = marks.bricks[i];
     if (!host_.mark_free(brick, marks.voxels[i])) continue;
-    news.push_back(brick);
+    newly_free.push_back(brick);
     if (!in_window(brick) || host_.free_voxels(brick) != kAllBits) continue;
     marks_[table_index(brick) / 32] |= 1u << (table_index(brick) % 32);
     is_marked = true;
@@ -187,7 +189,7 @@ std::vector<Brick> Volume::mark_free(const BrickMarks& marks) {
     batch.upload(free_marks_, marks_);
     batch.submit();
   }
-  return news;
+  return newly_free;
 }
 
 /// Downloads the voxels of slots, at most kBricksPerCopy at a time.
@@ -234,10 +236,10 @@ void Volume::evict(std::span<const std::uint32_t> slots) {
 
 /// Frees these slots and removes their bricks from the page table.
 void Volume::vacate(std::span<const std::uint32_t> slots) {
-  const std::unordered_set<std::uint32_t> gone(slots.begin(), slots.end());
+  const std::unordered_set<std::uint32_t> removed(slots.begin(), slots.end());
   std::vector<shader::Placement> placements;
   for (auto it = slot_of_.begin(); it != slot_of_.end();) {
-    if (gone.contains(it->second)) {
+    if (removed.contains(it->second)) {
       placements.push_back({.brick = it->first,
                             .slot = it->second,
                             .table_index = table_index(it->first),
@@ -343,14 +345,14 @@ void Volume::page_in(std::span<const Brick> bricks) {
   make_resident(existing, 0);
 }
 
-void Volume::bring(const Eigen::Vector3d& centre) {
-  move_window(centre);
+void Volume::page_in_around(const Eigen::Vector3d& center) {
+  move_window(center);
   std::vector<std::pair<double, Brick>> near;
   bool all_here = true;
   for (const Brick& brick : host_.bricks()) {
     if (!in_window(brick)) continue;
     near.emplace_back(
-        ((brick.cast<double>().array() + 0.5).matrix() * static_cast<double>(brick_size()) - centre).norm(), brick);
+        ((brick.cast<double>().array() + 0.5).matrix() * static_cast<double>(brick_size()) - center).norm(), brick);
     all_here = all_here && slot_of_.contains(brick);
   }
   if (all_here) return;
@@ -403,49 +405,49 @@ void Volume::list_voxels(BrickList& list, std::span<const std::uint32_t> slots) 
     std::copy_n(host_.find(list.bricks[i]), list.voxels[i].size(), list.voxels[i].begin());
 }
 
-BrickList Volume::split(std::uint32_t since, const Eigen::Vector3d& centre, float radius) {
-  const auto stays = [&](const Brick& brick) {
+BrickList Volume::split(std::uint32_t since, const Eigen::Vector3d& center, float radius) {
+  const auto is_kept = [&](const Brick& brick) {
     const Eigen::Vector3d at = (brick.cast<double>().array() + 0.5) * static_cast<double>(brick_size());
-    return (at - centre).norm() < static_cast<double>(radius);
+    return (at - center).norm() < static_cast<double>(radius);
   };
   const auto states = slot_states();
   std::vector<std::uint32_t> seen, leaving;
   for (const std::uint32_t slot : slots_in_use()) {
     const bool is_seen = states[slot].last_seen >= since;
     if (is_seen) seen.push_back(slot);
-    if (!is_seen || !stays(brick_in_[slot])) leaving.push_back(slot);
+    if (!is_seen || !is_kept(brick_in_[slot])) leaving.push_back(slot);
   }
   BrickList submap;
   BrickTree next;
   for (const std::uint32_t slot : seen) submap.bricks.push_back(brick_in_[slot]);
-  std::vector<shader::Placement> gone;
+  std::vector<shader::Placement> removed;
   for (const Brick& brick : host_.bricks()) {
     if (slot_of_.contains(brick)) continue;
     const bool is_seen = last_seen_[brick] >= since;
     if (is_seen) submap.bricks.push_back(brick);
-    if (is_seen && stays(brick))
+    if (is_seen && is_kept(brick))
       next.put(brick, std::span<const std::uint64_t, 512>(host_.find(brick), 512));
     else if (in_window(brick))
-      gone.push_back({.brick = brick, .slot = shader::kNoSlot, .table_index = table_index(brick), .entry = 0});
+      removed.push_back({.brick = brick, .slot = shader::kNoSlot, .table_index = table_index(brick), .entry = 0});
   }
   list_voxels(submap, seen);
   for (const Brick& brick : host_.free_bricks()) {
     const BrickBits voxels = host_.free_voxels(brick);
     submap.free.mark_free(brick, voxels);
-    if (stays(brick)) next.mark_free(brick, voxels);
+    if (is_kept(brick)) next.mark_free(brick, voxels);
   }
   host_ = std::move(next);
   last_seen_.clear();
   gpu::Batch batch(device_);
-  place(batch, gone, 0);
+  place(batch, removed, 0);
   batch.submit();
   vacate(leaving);
   refresh_window(origin_);
   return submap;
 }
 
-Volume::Residency Volume::residency() {
-  Residency r{.origin = origin_, .counts = counts_};
+Volume::SavedState Volume::save() {
+  SavedState r{.origin = origin_, .counts = counts_};
   const auto states = slot_states();
   // Sorted by brick, because slot numbers are arbitrary.
   for (const auto& [brick, slot] : slot_of_) r.on_device.push_back(brick);
@@ -457,7 +459,7 @@ Volume::Residency Volume::residency() {
   return r;
 }
 
-void Volume::restore(BrickTree tree, const Residency& r) {
+void Volume::restore(BrickTree tree, const SavedState& r) {
   origin_ = r.origin;
   adopt(std::move(tree));
   // With another window or less memory than before, some bricks stay on the host.

@@ -9,10 +9,10 @@
 #include <unordered_map>
 #include <vector>
 
-#include "cairn/options.hpp"
+#include "cairn/mapping/options.hpp"
 #include "gpu/kernel.hpp"
 #include "shaders/volume.h"
-#include "volume/grids.hpp"
+#include "volume/vdb/brick_tree.hpp"
 
 namespace cairn {
 
@@ -61,22 +61,22 @@ class Volume {
   [[nodiscard]] std::uint32_t slot_count() const { return high_slot_; }        // upper bound of the slots in use
   [[nodiscard]] std::uint32_t capacity() const { return capacity_; }           // maximum number of bricks on the device
 
-  /// Moves the window to be centered at `centre` (meters, submap frame); bricks outside are evicted to the host.
-  void move_window(const Eigen::Vector3d& centre);
+  /// Moves the window to be centered at `center` (meters, submap frame); bricks outside are evicted to the host.
+  void move_window(const Eigen::Vector3d& center);
   /// Centers the window on bricks, unless all of them are inside.
   void move_window_to(std::span<const Brick> bricks);
   /// Makes bricks resident on the device: with the host's voxels if it has them, else empty. Bricks outside the window
   /// are ignored. If the pool is full, evicts the least recently seen bricks, except `bricks` and those seen at `now`.
   /// Throws std::runtime_error if the room does not suffice.
   void make_resident(std::span<const Brick> bricks, std::uint32_t now);
-  /// At most `most` vacant slots, for a kernel to assign to bricks (shaders/brick_mark.comp); note_placed() takes its
-  /// assignments and returns the bricks left without a slot.
-  [[nodiscard]] std::vector<std::uint32_t> vacant_slots(std::uint32_t most) const;
+  /// At most `max_count` vacant slots, for a kernel to assign to bricks (shaders/brick_mark.comp); note_placed() takes
+  /// its assignments and returns the bricks left without a slot.
+  [[nodiscard]] std::vector<std::uint32_t> vacant_slots(std::uint32_t max_count) const;
   [[nodiscard]] std::vector<Brick> note_placed(std::span<const shader::Placement> placements);
   /// Like make_resident(), but ignores missing bricks; all other bricks may be evicted.
   void page_in(std::span<const Brick> bricks);
   /// Moves the window to a possible camera position and pages in the nearest bricks from the host.
-  void bring(const Eigen::Vector3d& centre);
+  void page_in_around(const Eigen::Vector3d& center);
   [[nodiscard]] std::uint32_t slot_of(const Brick& brick) const;  // the slot, or kNoSlot
   static constexpr std::uint32_t kNoSlot = 0xffffffffu;
   [[nodiscard]] const Brick& brick_in(std::uint32_t slot) const { return brick_in_[slot]; }  // for a slot in use
@@ -96,18 +96,18 @@ class Volume {
   [[nodiscard]] BrickList list();
 
   /// Ends a submap: returns copies of the bricks seen at `since` or later. Of the returned bricks, those within
-  /// `radius` (meters) of `centre` are kept for the next submap; all others are dropped.
-  [[nodiscard]] BrickList split(std::uint32_t since, const Eigen::Vector3d& centre, float radius);
+  /// `radius` (meters) of `center` are kept for the next submap; all others are dropped.
+  [[nodiscard]] BrickList split(std::uint32_t since, const Eigen::Vector3d& center, float radius);
 
   /// Distribution of bricks between device and host; with on_host(), the complete state of the volume.
-  struct Residency {
+  struct SavedState {
     Brick origin = Brick::Zero();           // origin of the window
     std::vector<Brick> on_device, on_host;  // bricks, and the frame counts when they were last seen
     std::vector<std::uint32_t> device_last_seen, host_last_seen;
     Counts counts;
   };
-  [[nodiscard]] Residency residency();
-  void restore(BrickTree tree, const Residency& residency);
+  [[nodiscard]] SavedState save();
+  void restore(BrickTree tree, const SavedState& saved);
 
   /// Replaces the contents with a complete map. Its bricks become resident on demand.
   void adopt(BrickTree tree);

@@ -16,10 +16,10 @@ Voxels voxels_of(const BrickTree& tree, const GridInfo& info) {
                 .blocks = tree.bricks(),
                 .distances = {},
                 .weights = {},
-                .colours = {}};
+                .colors = {}};
   voxels.distances.resize(kBrick * voxels.blocks.size());
   voxels.weights.resize(voxels.distances.size());
-  voxels.colours.resize(voxels.distances.size());
+  voxels.colors.resize(voxels.distances.size());
   tbb::parallel_for(std::size_t{0}, voxels.blocks.size(), [&](std::size_t block) {
     const std::uint64_t* packed = tree.find(voxels.blocks[block]);
     for (std::size_t i = 0, at = kBrick * block; i < kBrick; ++i, ++at) {
@@ -27,7 +27,7 @@ Voxels voxels_of(const BrickTree& tree, const GridInfo& info) {
       voxels.weights[at] = shader::voxel_weight(voxel);
       if (voxels.weights[at] > 0) voxels.distances[at] = info.truncation * shader::voxel_distance(voxel);
       for (std::size_t byte = 0; byte < 4; ++byte)
-        voxels.colours[at][byte] = static_cast<std::uint8_t>(voxel >> (32 + 8 * byte));
+        voxels.colors[at][byte] = static_cast<std::uint8_t>(voxel >> (32 + 8 * byte));
     }
   });
   return voxels;

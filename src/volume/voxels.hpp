@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
-#include "cairn/voxels.hpp"
-#include "volume/grids.hpp"
+#include "cairn/mapping/voxels.hpp"
+#include "volume/vdb/map_vdb.hpp"
 
 namespace cairn {
 

@@ -10,11 +10,11 @@
 #include <limits>
 #include <random>
 
-#include "cairn/scene.hpp"
-#include "map/world.hpp"
+#include "cairn/synthetic/scene.hpp"
+#include "map/global_volume.hpp"
+#include "preprocess/preprocess.hpp"
 #include "spirv/trial_flood.comp.h"
 #include "spirv/trial_separable.comp.h"
-#include "surface/preprocess.hpp"
 #include "synth/render.hpp"
 #include "tests/bench/shaders/trial.h"
 #include "volume/esdf.hpp"
@@ -42,7 +42,7 @@ struct Room {
       const Eigen::Isometry3d pose = scene.world_from_camera(i / 12.0);
       auto images = renderer.render(pose);
       add_noise(images, camera, "kinect", 1, i);
-      const Frame frame{.depth = std::move(images.depth), .colour = std::move(images.colour)};
+      const Frame frame{.depth = std::move(images.depth), .color = std::move(images.color)};
       integrator.integrate(preprocessor.preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
     }
     bricks = volume.bricks();
@@ -112,10 +112,10 @@ double share_of_wrong(gpu::Device& device, const Box& box, const gpu::Buffer& re
   for (int n = 0; n < kSamples; ++n) {
     const auto i = static_cast<int>(any(random));
     const Eigen::Vector3i v(i % box.size.x(), i / box.size.x() % box.size.y(), i / (box.size.x() * box.size.y()));
-    int least = std::numeric_limits<int>::max();
-    for (const Eigen::Vector3i& site : sites) least = std::min(least, (site - v).squaredNorm());
+    int min_squared = std::numeric_limits<int>::max();
+    for (const Eigen::Vector3i& site : sites) min_squared = std::min(min_squared, (site - v).squaredNorm());
     wrong += found[static_cast<std::size_t>(i)] == shader::kNone ||
-             (at(found[static_cast<std::size_t>(i)]) - v).squaredNorm() != least;
+             (at(found[static_cast<std::size_t>(i)]) - v).squaredNorm() != min_squared;
   }
   return static_cast<double>(wrong) / kSamples;
 }
@@ -176,7 +176,7 @@ void answer_a_million_points(benchmark::State& state) {
   std::uniform_int_distribution<std::size_t> block(0, field->blocks().size() - 1);
   std::uniform_real_distribution<float> inside(0.0f, 16.0f);
   while (points.size() < 1000000) {
-    const Eigen::Vector3f at = 16.0f * field->blocks()[block(random)].first.cast<float>();
+    const Eigen::Vector3f at = 16.0f * field->blocks()[block(random)].index.cast<float>();
     points.emplace_back(field->origin() +
                         field->voxel_size() * (at + Eigen::Vector3f(inside(random), inside(random), inside(random))));
   }
@@ -206,7 +206,7 @@ void follow_a_loop(benchmark::State& state) {
     keyframe.odometry_from_camera = keyframe.submap_from_camera;
     atlas.add(keyframe);
   }
-  World world(r.device, r.fuse);
+  GlobalVolume world(r.device, r.fuse);
   const auto update = [&] {
     std::vector<PlacedSubmap> placed;
     for (std::size_t s = 0; s < 2; ++s)

@@ -4,10 +4,10 @@
 // numbers stay comparable.
 #include <benchmark/benchmark.h>
 
-#include "cairn/scene.hpp"
-#include "surface/preprocess.hpp"
+#include "alignment/align.hpp"
+#include "cairn/synthetic/scene.hpp"
+#include "preprocess/preprocess.hpp"
 #include "synth/render.hpp"
-#include "track/align.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
 #include "volume/raycast.hpp"
@@ -38,7 +38,7 @@ struct Bench {
       auto images = renderer.render(pose);
       add_noise(images, camera, "kinect", 1, i);
       frame.depth = std::move(images.depth);
-      frame.colour = std::move(images.colour);
+      frame.color = std::move(images.color);
       integrator.integrate(preprocessor.preprocess(frame), pose, volume, ++fused_count);
     }
   }
@@ -73,7 +73,7 @@ void preprocess(benchmark::State& state) {
 }
 void integrate(benchmark::State& state) {
   auto& b = bench();
-  const Surface surface = b.preprocessor.preprocess(b.frame);
+  const FramePyramid surface = b.preprocessor.preprocess(b.frame);
   const KernelCounters counters(state);
   for (auto _ : state) benchmark::DoNotOptimize(b.integrator.integrate(surface, b.pose, b.volume, ++b.fused_count));
 }
@@ -84,7 +84,7 @@ void raycast(benchmark::State& state) {
 }
 void align(benchmark::State& state) {
   auto& b = bench();
-  const Surface live = b.preprocessor.preprocess(b.frame);
+  const FramePyramid live = b.preprocessor.preprocess(b.frame);
   const SurfacePrediction model = b.raycaster.raycast(b.volume, b.pose);
   const Eigen::Isometry3d guess = b.pose * Eigen::Translation3d(0.01, 0.005, -0.01);
   const KernelCounters counters(state);

@@ -6,10 +6,10 @@
 
 #include <numbers>
 
-#include "cairn/scene.hpp"
-#include "map/match.hpp"
-#include "map/world.hpp"
-#include "surface/preprocess.hpp"
+#include "cairn/synthetic/scene.hpp"
+#include "loop_closing/match.hpp"
+#include "map/global_volume.hpp"
+#include "preprocess/preprocess.hpp"
 #include "synth/render.hpp"
 #include "volume/integrate.hpp"
 #include "volume/polygonize.hpp"
@@ -26,7 +26,7 @@ struct Bench {
   FuseOptions fuse;
   Atlas atlas;
   std::vector<std::shared_ptr<const BrickTree>> voxels;
-  World world{device, fuse};
+  GlobalVolume world{device, fuse};
   Polygonizer polygonizer{device};
 
   Bench() {
@@ -39,7 +39,7 @@ struct Bench {
     for (int i = 0; i < 10; ++i) {
       const Eigen::Isometry3d pose = scene.world_from_camera(0.2 * i);
       const auto images = renderer.render(pose);
-      Frame frame{.depth = images.depth, .colour = images.colour};
+      Frame frame{.depth = images.depth, .color = images.color};
       integrator.integrate(preprocessor.preprocess(frame), pose, volume, static_cast<std::uint32_t>(i + 1));
     }
     const BrickTree& room = volume.on_host();
@@ -61,12 +61,12 @@ struct Bench {
       atlas.add(keyframe);
     }
   }
-  /// Bends the row: moves its end aside by `metres`.
-  void bend(double metres) {
+  /// Bends the row: moves its end aside by `meters`.
+  void bend(double meters) {
     for (std::size_t k = 0; k < kKeyframes; ++k) {
       const double share = static_cast<double>(k) / kKeyframes;
       atlas.world_from_camera[k] = atlas.keyframes[k].submap_from_camera;
-      atlas.world_from_camera[k].pretranslate(Eigen::Vector3d(0, 0, metres * share * share));
+      atlas.world_from_camera[k].pretranslate(Eigen::Vector3d(0, 0, meters * share * share));
     }
   }
   std::vector<Brick> update() {
@@ -106,15 +106,15 @@ void move_thirty_submaps(benchmark::State& state) {
 void mesh_the_world(benchmark::State& state) {
   auto& b = bench();
   (void)b.update();
-  Volume whole(b.device, b.fuse, 5.0f);
-  whole.adopt(b.world.release());
+  Volume complete(b.device, b.fuse, 5.0f);
+  complete.adopt(b.world.release());
   std::size_t triangles = 0;
-  for (auto _ : state) triangles = b.polygonizer.polygonize(whole).triangles.size();
+  for (auto _ : state) triangles = b.polygonizer.polygonize(complete).triangles.size();
   state.counters["triangles"] = static_cast<double>(triangles);
 }
 
 /// A circular path with a loop closure at its end.
-void optimise_two_thousand_keyframes(benchmark::State& state) {
+void optimize_two_thousand_keyframes(benchmark::State& state) {
   PoseGraph drifted;
   const auto truth = [](std::size_t k) {
     const double angle = 2 * std::numbers::pi * static_cast<double>(k) / kKeyframes;
@@ -122,15 +122,15 @@ void optimise_two_thousand_keyframes(benchmark::State& state) {
     t.translation() = Eigen::Vector3d(30 * std::cos(angle), 0, -30 * std::sin(angle));
     return t;
   };
-  Vector6d slip;
-  slip << 0.0002, -0.0001, 0.0003, 0.0005, 0.0002, -0.0004;
-  const Matrix6d information = calibrated(1e8 * Matrix6d::Identity());
+  Vector6d drift;
+  drift << 0.0002, -0.0001, 0.0003, 0.0005, 0.0002, -0.0004;
+  const Matrix6d information = inflate_information(1e8 * Matrix6d::Identity());
   for (std::size_t k = 0; k < kKeyframes; ++k) {
     if (k == 0) {
       drifted.world_from_node.push_back(truth(0));
       continue;
     }
-    const Eigen::Isometry3d step = truth(k - 1).inverse() * truth(k) * retract(slip);
+    const Eigen::Isometry3d step = truth(k - 1).inverse() * truth(k) * retract(drift);
     drifted.world_from_node.push_back(drifted.world_from_node.back() * step);
     drifted.edges.push_back({.i = k - 1, .j = k, .i_from_j = step, .information = information});
   }
@@ -143,14 +143,14 @@ void optimise_two_thousand_keyframes(benchmark::State& state) {
   double cost = 0;
   for (auto _ : state) {
     PoseGraph graph = drifted;
-    cost = optimise(graph).cost;
+    cost = optimize(graph).cost;
   }
   state.counters["cost"] = cost;
 }
 
 BENCHMARK(move_thirty_submaps)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(mesh_the_world)->Unit(benchmark::kMillisecond)->UseRealTime();
-BENCHMARK(optimise_two_thousand_keyframes)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(optimize_two_thousand_keyframes)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 }  // namespace
 }  // namespace cairn

@@ -6,7 +6,7 @@
 
 #include <random>
 
-#include "cairn/scene.hpp"
+#include "cairn/synthetic/scene.hpp"
 #include "place/keyframe_database.hpp"
 #include "synth/render.hpp"
 
@@ -34,7 +34,7 @@ struct Bench {
       SceneRenderer renderer(device, scene, camera);
       for (int i = 0; i < kViews / 2; ++i) {
         const auto images = renderer.render(scene.world_from_camera(0.5 * i));
-        views.push_back(extract_features(images.colour, images.depth, camera));
+        views.push_back(extract_features(images.color, images.depth, camera));
       }
     }
     for (int i = 0; i < kTimes; ++i)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #include "fuzz.hpp"
-#include "io/azure_kinect.hpp"
+#include "io/datasets/azure_kinect.hpp"
 
 using namespace cairn;
 
@@ -15,7 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
           if (frame->problem) throw std::runtime_error(*frame->problem);
         });
         fuzz::touch(frame->depth);
-        fuzz::touch(frame->colour);
+        fuzz::touch(frame->color);
         if (frame->acceleration && !frame->acceleration->allFinite()) std::abort();
       }
     if (const auto cut = source->ended_early()) throw std::runtime_error(*cut);

@@ -10,7 +10,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::expect_value_or_plain_error([&] {
     const CameraFile read = read_camera_file(file);
     if (!read.rig.depth.ray(0, 0).allFinite() || (read.depth_scale && !(*read.depth_scale > 0))) std::abort();
-    if (read.rig.colour && !read.rig.colour->colour_from_depth.matrix().allFinite()) std::abort();
+    if (read.rig.color && !read.rig.color->color_from_depth.matrix().allFinite()) std::abort();
   });
   return 0;
 }

@@ -6,8 +6,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
-#include "cairn/esdf.hpp"
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/esdf.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 #include "io/camera_file.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
@@ -15,6 +15,8 @@
 #include "support/depth_files.hpp"
 #include "support/ros_files.hpp"
 #include "support/zips.hpp"
+#include "volume/vdb/brick_file.hpp"
+#include "volume/vdb/map_vdb.hpp"
 #ifdef CAIRN_VIDEO
 #include "support/videos.hpp"
 #endif
@@ -52,7 +54,7 @@ Mesh mesh(bool textured) {
     mesh.texture_coordinates = {{0, 0}, {1, 0}, {0, 1}, {1, 1}};
     mesh.texture = {8, 8, std::vector<std::array<std::uint8_t, 3>>(64, {10, 120, 200})};
   } else {
-    mesh.colours = {{0, 1, 2, 255}, {100, 150, 200, 255}, {255, 254, 128, 255}, {7, 77, 177, 255}};
+    mesh.colors = {{0, 1, 2, 255}, {100, 150, 200, 255}, {255, 254, 128, 255}, {7, 77, 177, 255}};
     mesh.sigmas = {0.001f, 0.002f, 0.003f, 0.004f};
   }
   return mesh;
@@ -72,9 +74,9 @@ void write_text_inputs(const fs::path& folder) {
   const std::string camera = camera_file_text(
       {.rig = Camera{.width = 16, .height = 16, .fx = 16, .fy = 16, .cx = 8, .cy = 8}, .depth_scale = 5000});
   put(place(folder, "camera", "plain"), camera);
-  put(place(folder, "camera", "colour"),
+  put(place(folder, "camera", "color"),
       camera +
-          "colour: {width: 32, height: 32, fx: 30, fy: 30, cx: 16, cy: 16, translation: [0.1, 0, 0], rotation: [0, "
+          "color: {width: 32, height: 32, fx: 30, fy: 30, cx: 16, cy: 16, translation: [0.1, 0, 0], rotation: [0, "
           "0, 0, 1]}\n");
   put(place(folder, "query", "points"), "x,y,z\n0,0,0\n1.5, -2e-3 ,nan\r\n\n+1,inf,3");
   put(place(folder, "recording", "tum"),
@@ -134,27 +136,27 @@ local_transform:
 }
 
 void write_images(const fs::path& folder) {
-  cv::Mat depth(16, 16, CV_16U), colour(16, 16, CV_8UC3);
+  cv::Mat depth(16, 16, CV_16U), color(16, 16, CV_8UC3);
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 16; ++x) {
       depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(1000 + 97 * x + 31 * y);
-      colour.at<cv::Vec3b>(y, x) = cv::Vec3b::all(static_cast<std::uint8_t>(15 * x + y));
+      color.at<cv::Vec3b>(y, x) = cv::Vec3b::all(static_cast<std::uint8_t>(15 * x + y));
     }
   for (const char* target : {"image", "keyframe"}) {
     cv::imwrite(place(folder, target, "depth.png"), depth);
-    cv::imwrite(place(folder, target, "colour.png"), colour);
-    cv::imwrite(place(folder, target, "colour.jpg"), colour);
-    cv::imwrite(place(folder, target, "progressive.jpg"), colour, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
+    cv::imwrite(place(folder, target, "color.png"), color);
+    cv::imwrite(place(folder, target, "colour.jpg"), color);
+    cv::imwrite(place(folder, target, "progressive.jpg"), color, {cv::IMWRITE_JPEG_PROGRESSIVE, 1});
   }
   cv::imwrite(place(folder, "depth_image", "depth.png"), depth);
   cv::imwrite(place(folder, "depth_image", "depth.tiff"), depth);
   cv::imwrite(place(folder, "depth_image", "deflated.tiff"), depth, {cv::IMWRITE_TIFF_COMPRESSION, 8});
   cv::imwrite(place(folder, "depth_image", "depth.pgm"), depth);
-  cv::Mat metres;
-  depth.convertTo(metres, CV_32F, 1e-3);
-  cv::imwrite(place(folder, "depth_image", "metres.tiff"), metres, {cv::IMWRITE_TIFF_COMPRESSION, 1});
-  put(place(folder, "depth_image", "metres.exr"), exr({{"R", metres}}));
-  for (const auto& [kind, image] : {std::pair{"u2", depth}, {"f4", metres}}) {
+  cv::Mat meters;
+  depth.convertTo(meters, CV_32F, 1e-3);
+  cv::imwrite(place(folder, "depth_image", "meters.tiff"), meters, {cv::IMWRITE_TIFF_COMPRESSION, 1});
+  put(place(folder, "depth_image", "meters.exr"), exr({{"R", meters}}));
+  for (const auto& [kind, image] : {std::pair{"u2", depth}, {"f4", meters}}) {
     std::string header = std::string("{'descr': '<") + kind + "', 'fortran_order': False, 'shape': (16, 16), }";
     header.resize(117, ' ');
     put(place(folder, "depth_image", std::string(kind) + ".npy"),
@@ -173,7 +175,7 @@ void write_meshes(const fs::path& folder) {
       "0 0 0 1 2 3\n1 0 0 1 2 3\n0 1e0 0 1 2 3\n3 0 1 2\n");
   int number = 0;
   for (const Compression compression :
-       {Compression::none, Compression::quantised, Compression::meshopt, Compression::draco}) {
+       {Compression::none, Compression::quantized, Compression::meshopt, Compression::draco}) {
     GltfWriter writer({.compression = compression, .png = number % 2 == 0});
     writer.add("a", mesh(true));
     writer.add("b", mesh(false));
@@ -252,10 +254,10 @@ void write_sessions(const fs::path& folder, const fs::path& work) {
     atlas.world_from_camera.push_back(pose);
     atlas.frames.push_back({.timestamp = time, .keyframe = static_cast<std::uint32_t>(atlas.keyframes.size() - 1)});
     session.back_end.tracked_from_camera.emplace_back(pose);
-    session.tracker.memory.last.push_back({.timestamp = time, .submap_from_camera = pose});
+    session.tracker.state.last.push_back({.timestamp = time, .submap_from_camera = pose});
   }
-  session.tracker.memory.last.resize(2);
-  atlas.loops.push_back({.edge = {.i = 0, .j = 2}, .corners = 20});
+  session.tracker.state.last.resize(2);
+  atlas.loops.push_back({.edge = {.i = 0, .j = 2}, .feature_inliers = 20});
   atlas.recordings = {2};
   atlas.surface_sigma.add({0.1, 0.2, 0.3}, 0.002);
   session.back_end.submaps = {true};

@@ -7,7 +7,7 @@
 #include <limits>
 #include <memory>
 
-#include "cairn/esdf.hpp"
+#include "cairn/mapping/esdf.hpp"
 #include "fuzz.hpp"
 
 using namespace cairn;
@@ -38,21 +38,21 @@ Eigen::Vector3f vector(Numbers& numbers) {
 }
 
 DistanceField field_of(Numbers& numbers) {
-  constexpr std::size_t kMostBlocks = 12;
-  const auto voxel_size = numbers.next<float>(), most = numbers.next<float>();
+  constexpr std::size_t kMaxBlocks = 12;
+  const auto voxel_size = numbers.next<float>(), max_distance = numbers.next<float>();
   const Eigen::Vector3f origin = vector(numbers);
-  Eigen::Quaternionf turn(1, numbers.next<std::int8_t>() / 127.0f, numbers.next<std::int8_t>() / 127.0f, 0);
+  Eigen::Quaternionf rotation(1, numbers.next<std::int8_t>() / 127.0f, numbers.next<std::int8_t>() / 127.0f, 0);
   DistanceField::Blocks blocks;
-  const std::size_t count = numbers.next<std::uint8_t>() % kMostBlocks;
+  const std::size_t count = numbers.next<std::uint8_t>() % kMaxBlocks;
   for (std::size_t i = 0; i < count; ++i) {
     const Eigen::Vector3i at(numbers.next<std::int32_t>(), numbers.next<std::int32_t>(), numbers.next<std::int32_t>());
     auto block = std::make_shared<DistanceField::Block>();
     block->fill(std::numeric_limits<float>::quiet_NaN());
     for (int n = numbers.next<std::uint8_t>() % 4; n >= 0; --n)
       (*block)[numbers.next<std::uint16_t>() % block->size()] = numbers.next<float>();
-    blocks.emplace_back(at, std::move(block));
+    blocks.push_back({at, std::move(block)});
   }
-  return {voxel_size, origin, most, std::move(blocks), turn.normalized()};
+  return {voxel_size, origin, max_distance, std::move(blocks), rotation.normalized()};
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 #include "fuzz.hpp"
 
 using namespace cairn;

@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::expect_value_or_plain_error([&] {
     const Frame frame = store.get(0);
     fuzz::touch(frame.depth);
-    fuzz::touch(frame.colour);
+    fuzz::touch(frame.color);
   });
   return 0;
 }

@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Shared code of the mesh file targets, which differ only in the extension.
 #pragma once
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 #include "fuzz.hpp"
 
 namespace cairn::fuzz {
@@ -18,7 +18,7 @@ inline void read_parts(const char* name, const std::uint8_t* data, std::size_t s
         for (const std::uint32_t index : triangle)
           if (index >= count) std::abort();
       if (!part.normals.empty() && part.normals.size() != count) std::abort();
-      if (!part.colours.empty() && part.colours.size() != count) std::abort();
+      if (!part.colors.empty() && part.colors.size() != count) std::abort();
       if (!part.sigmas.empty() && part.sigmas.size() != count) std::abort();
       if (!part.texture_coordinates.empty() && part.texture_coordinates.size() != count) std::abort();
     }

@@ -4,9 +4,9 @@
 // opened by open_recording alone.
 #include <stdexcept>
 
-#include "cairn/source.hpp"
-#include "cairn/verdict.hpp"
-#include "io/as_taken_by.hpp"
+#include "cairn/eval/verdict.hpp"
+#include "cairn/io/source.hpp"
+#include "io/reproject_to.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
@@ -19,7 +19,7 @@ std::unique_ptr<Source> open_source(const std::string&, const SourceOptions&) {
   throw std::runtime_error("no source is opened here");
 }
 /// Only a plan's verdict is read here; a run's verdict needs the features of images.
-std::string name_of(Verdict::Level) { return "weak"; }
-std::unique_ptr<Source> as_taken_by(std::unique_ptr<Source> source, const Rig&) { return source; }
+std::string to_string(Verdict::Level) { return "weak"; }
+std::unique_ptr<Source> reproject_to(std::unique_ptr<Source> source, const Rig&) { return source; }
 
 }  // namespace cairn

@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Checks of an .oni file before OpenNI2, which is not fuzzed itself.
 #include "fuzz.hpp"
-#include "io/oni_file.hpp"
+#include "io/sensors/oni_file.hpp"
 
 using namespace cairn;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/esdf.hpp"
+#include "cairn/mapping/esdf.hpp"
 #include "fuzz.hpp"
 
 using namespace cairn;

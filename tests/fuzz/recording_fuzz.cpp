@@ -4,7 +4,7 @@
 #include <array>
 #include <opencv2/imgcodecs.hpp>
 
-#include "cairn/source.hpp"
+#include "cairn/io/source.hpp"
 #include "fuzz.hpp"
 #include "io/recording.hpp"
 
@@ -65,7 +65,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (int i = 0; i < 4; ++i)
       if (const auto frame = source->next()) {
         fuzz::touch(frame->depth);
-        fuzz::touch(frame->colour);
+        fuzz::touch(frame->color);
       }
     for (const auto& pose : recorded_truth(folder))
       if (!pose.world_from_camera.matrix().allFinite()) std::abort();

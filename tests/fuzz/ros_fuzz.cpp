@@ -4,7 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include "fuzz.hpp"
-#include "io/ros_source.hpp"
+#include "io/ros/ros_source.hpp"
 
 using namespace cairn;
 
@@ -22,7 +22,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         });
         for (const float z : frame->depth)
           if (!(z >= 0)) std::abort();
-        fuzz::touch(frame->colour);
+        fuzz::touch(frame->color);
         for (const auto& sample : frame->gyro)
           if (!sample.rate.allFinite()) std::abort();
         if (frame->acceleration && !frame->acceleration->allFinite()) std::abort();

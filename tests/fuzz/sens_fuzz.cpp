@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // ScanNet's .sens files.
 #include "fuzz.hpp"
-#include "io/sens.hpp"
+#include "io/datasets/sens.hpp"
 
 using namespace cairn;
 
@@ -13,7 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (int i = 0; i < 4; ++i)
       if (const auto frame = source->next()) {
         fuzz::touch(frame->depth);
-        fuzz::touch(frame->colour);
+        fuzz::touch(frame->color);
       }
     for (const auto& pose : sens_truth(file))
       if (!pose.world_from_camera.matrix().allFinite()) std::abort();

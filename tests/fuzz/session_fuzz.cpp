@@ -7,6 +7,7 @@
 
 #include "fuzz.hpp"
 #include "session/session_files.hpp"
+#include "volume/vdb/brick_file.hpp"
 
 using namespace cairn;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "cairn/trajectory.hpp"
+#include "cairn/mapping/trajectory.hpp"
 #include "fuzz.hpp"
 
 using namespace cairn;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // OpenVDB files: submaps of sessions, map.vdb, distances.
-#include "cairn/esdf.hpp"
+#include "cairn/mapping/esdf.hpp"
 #include "fuzz.hpp"
-#include "volume/grids.hpp"
+#include "volume/vdb/brick_file.hpp"
+#include "volume/vdb/map_vdb.hpp"
 
 using namespace cairn;
 

@@ -18,12 +18,12 @@ namespace cairn {
 namespace {
 
 /// `child` must not return.
-Cost cost_of_child(const std::function<void(const std::filesystem::path&)>& child, int most_seconds) {
+Cost cost_of_child(const std::function<void(const std::filesystem::path&)>& child, int max_seconds) {
   const TemporaryFolder folder;
   const auto begin = std::chrono::steady_clock::now();
   const pid_t pid = fork();
   if (pid == 0) {
-    alarm(static_cast<unsigned>(most_seconds));
+    alarm(static_cast<unsigned>(max_seconds));
     child(folder / "error");
     _exit(127);
   }
@@ -38,7 +38,7 @@ Cost cost_of_child(const std::function<void(const std::filesystem::path&)>& chil
 
 }  // namespace
 
-Cost cost_of(const std::function<void()>& call, int most_seconds) {
+Cost cost_of(const std::function<void()>& call, int max_seconds) {
   return cost_of_child(
       [&](const std::filesystem::path& error) {
         try {
@@ -49,10 +49,10 @@ Cost cost_of(const std::function<void()>& call, int most_seconds) {
         }
         _exit(0);
       },
-      most_seconds);
+      max_seconds);
 }
 
-Cost cost_of_cairn(const std::vector<std::string>& arguments, int most_seconds) {
+Cost cost_of_cairn(const std::vector<std::string>& arguments, int max_seconds) {
   return cost_of_child(
       [&](const std::filesystem::path& error) {
         const std::string program = program_file().string();
@@ -63,7 +63,7 @@ Cost cost_of_cairn(const std::vector<std::string>& arguments, int most_seconds) 
         dup2(open(error.c_str(), O_WRONLY | O_CREAT, 0600), STDERR_FILENO);
         execv(words[0], words.data());
       },
-      most_seconds);
+      max_seconds);
 }
 
 }  // namespace cairn

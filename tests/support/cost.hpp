@@ -16,10 +16,10 @@ struct Cost {
   std::string error;   // message of the call's exception
 };
 
-/// Cost of a call. Ended by SIGKILL after `most_seconds`.
-[[nodiscard]] Cost cost_of(const std::function<void()>& call, int most_seconds = 20);
+/// Cost of a call. Ended by SIGKILL after `max_seconds`.
+[[nodiscard]] Cost cost_of(const std::function<void()>& call, int max_seconds = 20);
 
 /// Cost of a run of the program; `error` is its stderr.
-[[nodiscard]] Cost cost_of_cairn(const std::vector<std::string>& arguments, int most_seconds = 60);
+[[nodiscard]] Cost cost_of_cairn(const std::vector<std::string>& arguments, int max_seconds = 60);
 
 }  // namespace cairn

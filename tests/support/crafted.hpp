@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Handmade files that claim more data than they contain; no library writes them.
+// Handmade files with claims beyond their data; no library writes them.
 #pragma once
 #include <zlib.h>
 
@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-constexpr int kDeep = 100'000;  // levels that exhaust the stack of a recursive parser
+constexpr int kDeep = 100'000;  // levels, enough to exhaust the stack of a recursive parser
 
 inline std::string nested(int levels = kDeep) {
   return std::string(static_cast<std::size_t>(levels), '[') + std::string(static_cast<std::size_t>(levels), ']');
@@ -22,7 +22,7 @@ inline std::string big_endian(std::uint32_t value) {
   return bytes;
 }
 
-/// PNG of black pixels; a gray one of 1 bit takes a byte for 8000 pixels.
+/// PNG of black pixels; 1-bit gray takes a byte for 8000 pixels.
 inline std::string black_png(std::uint32_t width, std::uint32_t height, int bits = 1, int color_type = 0) {
   const auto chunk = [](const std::string& kind, const std::string& data) {
     const std::string body = kind + data;
@@ -58,7 +58,7 @@ inline std::string jpeg_of_scans(std::uint16_t width, std::uint16_t height, int 
   const auto marker = [&](int kind, const std::string& data) {
     return std::string{'\xff', static_cast<char>(kind)} + two(static_cast<int>(data.size()) + 2) + data;
   };
-  std::string table(17, '\0');  // Huffman table: a single code of one bit, for zero
+  std::string table(17, '\0');  // Huffman table: a single 1-bit code, for zero
   table[1] = 1;
   std::string bytes = "\xff\xd8" + marker(0xdb, std::string(1, '\0') + std::string(64, '\1')) +
                       marker(0xc2, std::string("\x08", 1) + two(height) + two(width) + std::string("\1\1\x11\0", 4));

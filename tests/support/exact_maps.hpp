@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "shaders/voxel.h"
-#include "volume/grids.hpp"
+#include "volume/vdb/map_vdb.hpp"
 
 namespace cairn {
 
@@ -16,13 +16,16 @@ using Distance = std::function<double(const Eigen::Vector3d&)>;  // meters from 
 struct ExactMap {
   float voxel_size = 0.03f, truncation = 0.09f;  // meters
   Eigen::AlignedBox3d box;                       // of the world: includes bricks with their center inside
-  Upright upright;
+  GravityAlignment upright;
   std::function<bool(const Eigen::Vector3d& middle)> is_seen = {};  // by the center of a brick, in the world; none: all
                                                                     // are observed
 };
 
-inline Upright upright_by(const Eigen::Quaterniond& world_from_map) {
-  return {.source = Upright::Source::option, .known = true, .world_from_tracked = world_from_map, .words = "told"};
+inline GravityAlignment gravity_alignment_of(const Eigen::Quaterniond& world_from_map) {
+  return {.source = GravityAlignment::Source::option,
+          .known = true,
+          .world_from_tracked = world_from_map,
+          .words = "given"};
 }
 
 /// Exact bricks near surfaces, and free bricks.

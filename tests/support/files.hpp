@@ -13,9 +13,10 @@ namespace cairn {
 
 /// Folder of recordings that are not part of the project, beside its folder.
 [[nodiscard]] std::filesystem::path data_folder();
-/// Copy of OpenNI2 with the virtual sensor of tests/sensor only.
+/// Copy of OpenNI2 with the virtual sensor of tests/support/sensor only.
 [[nodiscard]] std::string openni_folder();
-/// Vulkan layer with failures and missing features selected by CAIRN_FAULTS, see tests/faulty_device, and its folder.
+/// Vulkan layer with failures and missing features selected by CAIRN_FAULTS, see tests/support/faulty_device, and its
+/// folder.
 inline constexpr const char* kFaultyDevice = "VK_LAYER_CAIRN_faulty_device";
 [[nodiscard]] std::string faulty_device_folder();
 /// Environment of a program with these device faults.
@@ -24,7 +25,7 @@ inline constexpr const char* kFaultyDevice = "VK_LAYER_CAIRN_faulty_device";
 [[nodiscard]] std::filesystem::path program_file();
 /// Folder for data shared by the tests of this build: support/shared.hpp.
 [[nodiscard]] std::filesystem::path shared_folder();
-/// Library that causes disk errors, see tests/faults.
+/// Library that causes disk errors, see tests/support/faults.
 [[nodiscard]] std::string faults_library();
 /// Environment of a program with a file size limit, as on a full disk: "File too large".
 std::string with_files_of(std::size_t bytes);
@@ -77,7 +78,7 @@ std::string error_of(F&& f) {
   } catch (const std::runtime_error& error) {
     return error.what();
   }
-  ADD_FAILURE() << "nothing was thrown";
+  ADD_FAILURE() << "no exception was thrown";
   return {};
 }
 

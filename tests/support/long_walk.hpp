@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "cairn/pose_graph.hpp"
+#include "cairn/mapping/pose_graph.hpp"
 
 namespace cairn {
 
@@ -28,7 +28,8 @@ class LongWalk {
         if (m == 0 || !in_a_row) {
           do {
             i = uniform(nodes - kRow), j = uniform(nodes - kRow);
-          } while (i + kBetween > j || (truth[i].translation() - truth[j].translation()).norm() < kApart);
+          } while (i + kBetween > j ||
+                   (truth[i].translation() - truth[j].translation()).norm() < kMinFalseLoopDistance);
           wrong = truth[i] * motion({0.1, 0.5}) * truth[j].inverse();
         } else {
           ++i, ++j;
@@ -69,23 +70,23 @@ class LongWalk {
 
  private:
   struct Noise {
-    double radians, metres;
+    double radians, meters;
   };
   static constexpr Noise kStep{0.002, 0.004}, kLoop{0.003, 0.01};
   static constexpr std::size_t kBetween = 200, kRow = 5;  // nodes between a loop's ends; loops in a row
-  static constexpr double kApart = 5, kNear = 1;          // meters
+  static constexpr double kMinFalseLoopDistance = 5, kMaxLoopDistance = 1;  // meters
   static constexpr double kStepLength = 0.25, kTurn = 0.2;
 
   std::size_t uniform(std::size_t below) { return random_() % below; }
   Eigen::Isometry3d motion(Noise noise) {
     Vector6d x;
-    for (int i = 0; i < 6; ++i) x[i] = (i < 3 ? noise.radians : noise.metres) * normal_(random_);
+    for (int i = 0; i < 6; ++i) x[i] = (i < 3 ? noise.radians : noise.meters) * normal_(random_);
     return retract(x);
   }
   PoseGraph::Edge edge(std::size_t i, std::size_t j, const Eigen::Isometry3d& true_motion, Noise noise) {
     PoseGraph::Edge edge{.i = i, .j = j, .i_from_j = true_motion * motion(noise)};
     edge.information.diagonal() << Eigen::Vector3d::Constant(1 / (noise.radians * noise.radians)),
-        Eigen::Vector3d::Constant(1 / (noise.metres * noise.metres));
+        Eigen::Vector3d::Constant(1 / (noise.meters * noise.meters));
     return edge;
   }
   void walk(std::size_t nodes) {
@@ -95,10 +96,10 @@ class LongWalk {
       if ((to - at).norm() < 2 * kStepLength)
         to = 2.5 * Eigen::Vector3d(static_cast<double>(uniform(8)), -static_cast<double>(uniform(1 + nodes / 7000)),
                                    static_cast<double>(uniform(4)));
-      const Eigen::Vector3d way = to - at;
-      const double off = std::remainder(std::atan2(way.x(), way.z()) - heading, 2 * M_PI);
+      const Eigen::Vector3d to_target = to - at;
+      const double off = std::remainder(std::atan2(to_target.x(), to_target.z()) - heading, 2 * M_PI);
       heading += std::clamp(off, -kTurn, kTurn);
-      if (std::abs(off) < 0.5) at += kStepLength * way.normalized();
+      if (std::abs(off) < 0.5) at += kStepLength * to_target.normalized();
       Eigen::Isometry3d t(Eigen::AngleAxisd(heading, Eigen::Vector3d::UnitY()));
       t.translation() = at;
       truth.push_back(t);
@@ -115,7 +116,8 @@ class LongWalk {
         for (std::size_t n = 0; n < j - kBetween; ++n) {
           const std::size_t i = (from + n) % (j - kBetween);
           const Eigen::Isometry3d between = truth[i].inverse() * truth[j];
-          if (between.translation().norm() > kNear || Eigen::AngleAxisd(between.linear()).angle() > 0.5) continue;
+          if (between.translation().norm() > kMaxLoopDistance || Eigen::AngleAxisd(between.linear()).angle() > 0.5)
+            continue;
           loops.push_back({edge(i, j, between, kLoop)});
           loops.back().edge.is_loop_closure = has_one[j] = true;
           break;

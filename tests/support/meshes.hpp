@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/mesh.hpp"
+#include "cairn/mapping/mesh.hpp"
 
 namespace cairn {
 

@@ -55,11 +55,11 @@ for await (const message of reader.readMessages({ validateCrcs: true })) {
   for (const e of value.entities) entities.set(e.id, { frame: e.frame_id, ...e.triangles[0] });
 }
 await file.close();
-const mesh = { entities: entities.size, triangles: 0, sum: [0, 0, 0], colour: 0 };
+const mesh = { entities: entities.size, triangles: 0, sum: [0, 0, 0], color: 0 };
 for (const e of entities.values()) {
   mesh.triangles += e.indices.length / 3;
-  if (e.colors.length !== e.points.length) throw new Error('a vertex has no colour');
+  if (e.colors.length !== e.points.length) throw new Error('a vertex has no color');
   for (const i of e.indices) ['x', 'y', 'z'].forEach((axis, k) => (mesh.sum[k] += e.points[i][axis]));
-  for (const c of e.colors) mesh.colour = Math.max(mesh.colour, c.r, c.g, c.b);
+  for (const c of e.colors) mesh.color = Math.max(mesh.color, c.r, c.g, c.b);
 }
 console.log(JSON.stringify({ records, topics, mesh, frames, texts, states, trajectory }));

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cairn/recorder.hpp"
+#include "cairn/io/recorder.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
 
@@ -16,7 +16,7 @@ struct SmallRecording {
   int frames = 40;
   double speed = 1;       // relative to the scene's own path
   double turns_at = 1e9;  // seconds after which the camera returns along the same path
-  bool colour = true;
+  bool color = true;
   std::string scene = "room";
   std::vector<Scene::Solid> more = {};  // additional solids
 };
@@ -32,12 +32,12 @@ inline void write_small_recording(const std::filesystem::path& folder, const Sma
   for (int i = 0; i < r.frames; ++i) {
     const double time = r.speed * i / 30.0;
     auto images = renderer.render(scene.world_from_camera(time > r.turns_at ? 2 * r.turns_at - time : time));
-    if (!r.colour) images.colour.clear();
-    writer.add(encode(
-        {.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .colour = std::move(images.colour)},
-        camera));
+    if (!r.color) images.color.clear();
+    writer.add(
+        encode({.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .color = std::move(images.color)},
+               camera));
   }
-  if (!r.colour) {  // depth images only
+  if (!r.color) {  // depth images only
     for (const char* name : {"rgb", "rgb.txt", "depth.txt", "camera.yaml"}) std::filesystem::remove_all(folder / name);
     write_text(
         folder / "intrinsics.json",

@@ -197,7 +197,7 @@ std::string tf(Wire wire, const std::vector<Transform>& transforms) {
 
 std::string bag(const Messages& messages, const Packed& packed) {
   const auto numbers = numbers_of(messages);
-  std::map<std::string, bool> told;
+  std::map<std::string, bool> announced;
   std::string file = "#ROSBAG V2.0\n", infos, connections;
   const std::size_t head = file.size();
   file.resize(head + 4096);
@@ -209,7 +209,7 @@ std::string bag(const Messages& messages, const Packed& packed) {
     for (const std::size_t end = i + std::max<std::size_t>(packed.per_chunk, 1); i < messages.size() && i < end; ++i) {
       const Recorded& m = messages[i];
       const std::uint32_t number = numbers.at(m.topic);
-      if (!std::exchange(told[m.topic], true)) {
+      if (!std::exchange(announced[m.topic], true)) {
         chunk += connection(number, m);
         connections += connection(number, m);
       }
@@ -250,7 +250,7 @@ std::string bag(const Messages& messages, const Packed& packed) {
 std::string mcap(const Messages& messages, const std::string& encoding, const Packed& packed) {
   constexpr std::string_view kMagic("\x89MCAP0\r\n", 8);
   const auto numbers = numbers_of(messages);
-  std::map<std::string, bool> told;
+  std::map<std::string, bool> announced;
   std::map<std::uint16_t, std::uint64_t> counts;
   std::string file(kMagic), channels, indices;
   std::uint32_t chunks = 0;
@@ -261,7 +261,7 @@ std::string mcap(const Messages& messages, const std::string& encoding, const Pa
     for (const std::size_t end = i + std::max<std::size_t>(packed.per_chunk, 1); i < messages.size() && i < end; ++i) {
       const Recorded& m = messages[i];
       const auto number = static_cast<std::uint16_t>(numbers.at(m.topic));
-      if (!std::exchange(told[m.topic], true)) {
+      if (!std::exchange(announced[m.topic], true)) {
         chunk += mcap_channel(number, m, encoding);
         channels += mcap_channel(number, m, encoding);
       }
@@ -317,12 +317,12 @@ void write_db3(const std::filesystem::path& file, const Messages& messages, cons
   if (packed.indexed) run("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
   run("BEGIN");
   const auto numbers = numbers_of(messages);
-  std::map<std::string, bool> told;
+  std::map<std::string, bool> announced;
   for (const Recorded& m : messages) {
     const std::string number = std::to_string(numbers.at(m.topic));
     std::string type = m.type;
     type.insert(type.find('/'), "/msg");
-    if (!std::exchange(told[m.topic], true))
+    if (!std::exchange(announced[m.topic], true))
       run("INSERT INTO topics VALUES (" + number + ", '" + m.topic + "', '" + type + "', 'cdr', '')");
     const std::string bytes = pack(packed.compression, m.bytes);
     run("INSERT INTO messages(topic_id, timestamp, data) VALUES (" + number + ", " + std::to_string(m.time) + ", ?)",

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "cairn/camera.hpp"
+#include "cairn/mapping/camera.hpp"
 
 namespace cairn::ros {
 

@@ -76,7 +76,7 @@ bool Running::wait_until(const std::function<bool()>& is_so) {
   while (!is_so()) {
     if (has_ended()) return is_so();
     if (std::chrono::steady_clock::now() - begin > kPatience) {
-      ADD_FAILURE() << "waited in vain; stderr: " << err();
+      ADD_FAILURE() << "timed out; stderr: " << err();
       return false;
     }
     std::this_thread::sleep_for(1ms);

@@ -7,10 +7,10 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/frame.hpp"
-#include "cairn/scene.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/synthetic/scene.hpp"
+#include "preprocess/frame_pyramid.hpp"
 #include "support/device.hpp"
-#include "surface/surface.hpp"
 #include "synth/render.hpp"
 
 namespace cairn {
@@ -27,7 +27,7 @@ inline Frame scene_frame_at(const Scene& scene, const Camera& camera, const Eige
   return {.index = index,
           .timestamp = index / 30.0,
           .depth = std::move(images.depth),
-          .colour = std::move(images.colour),
+          .color = std::move(images.color),
           .world_from_camera = pose};
 }
 
@@ -62,9 +62,9 @@ inline PoseAt swung_in(const Scene& scene) {
   };
 }
 
-/// Surface of a frame, which must outlive it, for code that uses no device data.
-inline Surface surface_of(const Frame& frame) {
-  Surface surface;
+/// Surface of a frame, for code without device data; the frame must outlive the surface.
+inline FramePyramid surface_of(const Frame& frame) {
+  FramePyramid surface;
   surface.images = [&frame]() -> const Frame& { return frame; };
   return surface;
 }

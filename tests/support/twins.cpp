@@ -89,7 +89,7 @@ std::vector<Eigen::Vector3f> normals(const std::vector<float>& depth, const Came
 }
 
 void integrate(Voxel& v, const Eigen::Vector3d& p, const std::vector<float>& depth,
-               const std::vector<std::uint32_t>& colour, const Camera& c, const FuseOptions& o) {
+               const std::vector<std::uint32_t>& color, const Camera& c, const FuseOptions& o) {
   if (p.z() <= 0) return;
   const Eigen::Vector2d pixel = c.project(p).array() + 0.5;
   if (pixel.minCoeff() < 0 || pixel.x() >= c.width || pixel.y() >= c.height) return;
@@ -99,11 +99,11 @@ void integrate(Voxel& v, const Eigen::Vector3d& p, const std::vector<float>& dep
   const float w = 1 / std::max(1.0f, z * z);
   v.distance = (v.distance * v.weight + std::min(sdf, 1.0f) * w) / (v.weight + w);
   v.weight = std::min(v.weight + w, o.max_weight);
-  if (colour.empty() || sdf >= 1) return;
+  if (color.empty() || sdf >= 1) return;
   for (int k = 0; k < 3; ++k)
-    v.colour[k] =
-        (v.colour[k] * v.colour_weight + static_cast<float>((colour[i] >> (8 * k)) & 0xff)) / (v.colour_weight + 1);
-  v.colour_weight += 1;
+    v.color[k] =
+        (v.color[k] * v.color_weight + static_cast<float>((color[i] >> (8 * k)) & 0xff)) / (v.color_weight + 1);
+  v.color_weight += 1;
 }
 
 BrickBits free_voxels(const Brick& brick, const std::vector<float>& depth, const Camera& c,
@@ -115,13 +115,14 @@ BrickBits free_voxels(const Brick& brick, const std::vector<float>& depth, const
     if (p.z() <= 0) continue;
     const Eigen::Vector2d pixel = c.project(p).array() + 0.5;
     if (pixel.minCoeff() < 0 || pixel.x() >= c.width || pixel.y() >= c.height) continue;
-    float least = std::numeric_limits<float>::infinity();
+    float min_depth = std::numeric_limits<float>::infinity();
     for (int k = 0; k < 4; ++k) {
       const int u = std::min(static_cast<int>(pixel.x()) / 2 * 2 + (k & 1), c.width - 1),
                 v = std::min(static_cast<int>(pixel.y()) / 2 * 2 + (k >> 1), c.height - 1);
-      least = std::min(least, depth[static_cast<std::size_t>(v * c.width + u)]);
+      min_depth = std::min(min_depth, depth[static_cast<std::size_t>(v * c.width + u)]);
     }
-    if (p.z() < static_cast<double>(least - o.truncation)) bits[static_cast<std::size_t>(i >> 6)] |= 1ull << (i & 63);
+    if (p.z() < static_cast<double>(min_depth - o.truncation))
+      bits[static_cast<std::size_t>(i >> 6)] |= 1ull << (i & 63);
   }
   return bits;
 }
@@ -141,13 +142,13 @@ std::vector<Eigen::Vector3f> polygonize(const BrickTree& tree, const FuseOptions
     for (int i = 0; i < 512; ++i) {
       const Eigen::Vector3i cell = 8 * brick + Brick(i >> 6, i >> 3 & 7, i & 7);
       std::uint32_t inside = 0;
-      bool known = true;
+      bool all_observed = true;
       for (std::uint32_t c = 0; c < 8; ++c) {
         const std::uint64_t v = voxel(cell + corner(c));
-        known = known && shader::voxel_weight(v) >= o.min_mesh_weight;
+        all_observed = all_observed && shader::voxel_weight(v) >= o.min_mesh_weight;
         if (shader::voxel_distance(v) < 0) inside |= 1u << c;
       }
-      if (!known) continue;
+      if (!all_observed) continue;
       const std::uint32_t* row = &table[16 * std::size_t{inside}];
       for (std::uint32_t k = 0; k < 3 * row[0]; ++k) {
         const std::uint32_t edge = row[1 + k];
@@ -180,11 +181,11 @@ std::vector<Brick> bands(const std::vector<float>& depth, const Camera& c, const
   return bricks;
 }
 
-std::vector<double> brightness(const std::vector<std::uint32_t>& colour) {
+std::vector<double> brightness(const std::vector<std::uint32_t>& color) {
   std::vector<double> out;
-  for (const std::uint32_t c : colour) {
-    const double r = c & 0xff, g = c >> 8 & 0xff, b = c >> 16 & 0xff, most = std::max({r, g, b});
-    out.push_back(most < 253 && most > 2 ? (0.299 * r + 0.587 * g + 0.114 * b) / 255 : -1);
+  for (const std::uint32_t c : color) {
+    const double r = c & 0xff, g = c >> 8 & 0xff, b = c >> 16 & 0xff, max_channel = std::max({r, g, b});
+    out.push_back(max_channel < 253 && max_channel > 2 ? (0.299 * r + 0.587 * g + 0.114 * b) / 255 : -1);
   }
   return out;
 }
@@ -233,7 +234,7 @@ Voxel merge(const Eigen::Vector3i& voxel, const std::vector<std::pair<const Bric
             const FuseOptions& options) {
   const double size = static_cast<double>(options.voxel_size);
   double distance = 0, weight = 0, shade = 0;
-  Eigen::Vector3d colour = Eigen::Vector3d::Zero();
+  Eigen::Vector3d color = Eigen::Vector3d::Zero();
   for (const auto& [tree, submap_from_world] : submaps) {
     const Eigen::Vector3d at = submap_from_world * (size * voxel.cast<double>()) / size;
     const auto word = [&, bricks = tree](const Eigen::Vector3i& v) -> std::uint64_t {
@@ -265,13 +266,13 @@ Voxel merge(const Eigen::Vector3i& voxel, const std::vector<std::pair<const Bric
     const std::uint64_t nearest = word((at.array() + 0.5).floor().cast<int>().matrix());
     const auto n = static_cast<double>(nearest >> 56);
     shade += n;
-    for (int c = 0; c < 3; ++c) colour[c] += n * static_cast<double>((nearest >> (32 + 8 * c)) & 0xff);
+    for (int c = 0; c < 3; ++c) color[c] += n * static_cast<double>((nearest >> (32 + 8 * c)) & 0xff);
   }
   if (weight == 0) return {};
   return {.distance = static_cast<float>(distance / weight),
           .weight = static_cast<float>(std::min(weight, static_cast<double>(options.max_weight))),
-          .colour = (shade > 0 ? colour / shade : colour).cast<float>(),
-          .colour_weight = static_cast<float>(std::min(shade, 255.0))};
+          .color = (shade > 0 ? color / shade : color).cast<float>(),
+          .color_weight = static_cast<float>(std::min(shade, 255.0))};
 }
 
 }  // namespace cairn::twin

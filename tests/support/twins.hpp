@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "cairn/camera.hpp"
-#include "cairn/options.hpp"
-#include "track/align.hpp"
+#include "alignment/align.hpp"
+#include "cairn/mapping/camera.hpp"
+#include "cairn/mapping/options.hpp"
 #include "volume/volume.hpp"
 
 namespace cairn::twin {
@@ -25,12 +25,12 @@ struct Filtered {
 
 struct Voxel {
   float distance = 0, weight = 0;  // distance in truncations
-  Eigen::Vector3f colour = Eigen::Vector3f::Zero();
-  float colour_weight = 0;
+  Eigen::Vector3f color = Eigen::Vector3f::Zero();
+  float color_weight = 0;
 };
 /// Integrates one frame into one voxel.
 void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::vector<float>& depth,
-               const std::vector<std::uint32_t>& colour, const Camera& camera, const FuseOptions& options);
+               const std::vector<std::uint32_t>& color, const Camera& camera, const FuseOptions& options);
 
 /// Voxels of a brick passed by one frame's rays: all four pixels of the quad around the voxel's projection have a depth
 /// greater than the voxel's by more than the truncation.
@@ -51,7 +51,7 @@ void integrate(Voxel& voxel, const Eigen::Vector3d& point_in_camera, const std::
                                        int stride, int phase_x, int phase_y);
 
 /// Luminance in 0..1; -1 if over- or underexposed.
-[[nodiscard]] std::vector<double> brightness(const std::vector<std::uint32_t>& colour);
+[[nodiscard]] std::vector<double> brightness(const std::vector<std::uint32_t>& color);
 struct Photometric {
   double seen = 0, rmse = 0, share = 0;
 };

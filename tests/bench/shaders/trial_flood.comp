@@ -15,15 +15,15 @@ void main() {
   if (i >= s.x * s.y * s.z) return;
   ivec3 voxel = ivec3(i % s.x, i / s.x % s.y, i / (s.x * s.y));
   uint best = from[i];
-  float least = best == kNone ? 1e9 : squared(site_at(best), voxel);
+  float min_squared = best == kNone ? 1e9 : squared(site_at(best), voxel);
   for (int z = -1; z <= 1; ++z)
     for (int y = -1; y <= 1; ++y)
       for (int x = -1; x <= 1; ++x) {
         ivec3 there = clamp(voxel + push.reach * ivec3(x, y, z), ivec3(0), s - 1);
         uint site = from[(there.z * s.y + there.y) * s.x + there.x];
         float d = site == kNone ? 1e9 : squared(site_at(site), voxel);
-        best = d < least ? site : best;
-        least = min(least, d);
+        best = d < min_squared ? site : best;
+        min_squared = min(min_squared, d);
       }
   to[i] = best;
 }

@@ -9,7 +9,7 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SeparablePush push; };
 layout(binding = 0, scalar) readonly buffer From { uint from[]; };
 layout(binding = 1, scalar) writeonly buffer To { uint to[]; };
-layout(binding = 2, scalar) buffer Stack { uvec2 stack[]; };  // (site, first voxel for which it is the nearest)
+layout(binding = 2, scalar) buffer Stack { uvec2 stack[]; };  // (site, first voxel nearest to the site)
 
 void main() {
   int line = int(gl_GlobalInvocationID.x);

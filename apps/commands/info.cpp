@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "base/file_name.hpp"
+#include "cairn/io/inspect.hpp"
+#include "cairn/io/source.hpp"
+#include "cli/command_tree.hpp"
+#include "cli/commands.hpp"
+#include "cli/inputs_and_outputs.hpp"
+#include "cli/json_text.hpp"
+#include "cli/map_info.hpp"
+#include "cli/plan_info.hpp"
+#include "cli/quantity.hpp"
+#include "cli/sources.hpp"
+#include "commands/old_names.hpp"
+
+namespace cairn::apps {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Arguments {
+  std::string sequence;
+  std::filesystem::path camera, picture;
+  std::vector<std::string> topics;
+  int frames = 100, frame = 0;
+  bool json = false;
+};
+
+std::string lens_of(const Camera& c) {
+  if (!c.distorted()) return "none";
+  const auto last = std::find_if(c.distortion.rbegin(), c.distortion.rend(), [](double k) { return k != 0; }).base();
+  return fmt::format("{} {}", c.lens == Lens::fisheye ? "fisheye" : "Brown-Conrady",
+                     fmt::join(c.distortion.begin(), last, ", "));
+}
+
+Json json_of(const Camera& c) {
+  return {{"width", c.width},
+          {"height", c.height},
+          {"fx", c.fx},
+          {"fy", c.fy},
+          {"cx", c.cx},
+          {"cy", c.cy},
+          {"lens", c.lens == Lens::fisheye ? "fisheye" : "brown_conrady"},
+          {"distortion", c.distortion},
+          {"readout", c.readout}};
+}
+
+Json json_of(const SourceSummary& s) {
+  Json j{{"layout", s.layout},
+         {"depth_camera", json_of(s.rig.depth)},
+         {"sensor", to_string(s.rig.sensor)},
+         {"color_registered", !s.rig.color}};
+  if (s.rig.color) {
+    const Eigen::Isometry3d& pose = s.rig.color->color_from_depth;
+    const Eigen::Quaterniond q(pose.linear());
+    j["color_camera"] = json_of(s.rig.color->camera);
+    j["color_from_depth"] = {{"translation", {pose.translation().x(), pose.translation().y(), pose.translation().z()}},
+                             {"rotation", {q.x(), q.y(), q.z(), q.w()}}};
+  }
+  if (s.frames) j["frames"] = *s.frames;
+  j.update(Json{{"looked_at", s.looked_at},
+                {"unreadable", s.unreadable},
+                {"seconds", s.seconds},
+                {"frames_per_second", s.rate},
+                {"depth_m", {{"nearest", s.nearest}, {"median", s.median}, {"farthest", s.farthest}}},
+                {"measured_share", s.measured_share},
+                {"with_color", s.with_color},
+                {"color_delay", s.color_delay},
+                {"with_pose", s.with_pose},
+                {"with_acceleration", s.with_acceleration},
+                {"with_gyroscope", s.with_gyroscope},
+                {"with_confidence", s.with_confidence},
+                {"doubts", s.doubts}});
+  add_old_fields(j);
+  return j;
+}
+
+void print(const Camera& c, const char* name) {
+  fmt::print("{:<16}{}x{}, fx {:.2f} fy {:.2f} cx {:.2f} cy {:.2f} pixels\n", name, c.width, c.height, c.fx, c.fy, c.cx,
+             c.cy);
+  fmt::print("  {:<14}{}\n", "distortion", lens_of(c));
+  if (c.readout > 0) fmt::print("  {:<14}{:.1f} ms\n", "readout", 1000 * c.readout);
+}
+
+void print(const SourceSummary& s, const std::vector<Interpretation>& interpretations) {
+  fmt::print("{:<16}{}\n", "layout", s.layout);
+  for (const auto& [what, words] : interpretations) fmt::print("{:<16}{}\n", what, words);
+  print(s.rig.depth, "depth camera");
+  fmt::print("  {:<14}{}, {:.1f} mm at 1 m, {:.1f} mm at 3 m\n", "sensor", to_string(s.rig.sensor),
+             1000 * s.rig.sensor.sigma(1), 1000 * s.rig.sensor.sigma(3));
+  if (s.rig.color) {
+    print(s.rig.color->camera, "color camera");
+    const Eigen::Isometry3d& pose = s.rig.color->color_from_depth;
+    const Eigen::Vector3d t = 100 * pose.translation();
+    fmt::print("  {:<14}{:.2f} {:.2f} {:.2f} cm, rotated by {:.2f} degrees (color_from_depth)\n", "pose", t.x(), t.y(),
+               t.z(), Eigen::AngleAxisd(pose.linear()).angle() * 57.29578);
+  } else {
+    fmt::print("{:<16}registered to depth\n", "color");
+  }
+  fmt::print("{:<16}{}, {:.1f} per second\n", "frames", s.frames ? std::to_string(*s.frames) : "unknown", s.rate);
+  fmt::print("{:<16}{} frames, {:.2f} s\n", "inspected", s.looked_at, s.seconds);
+  fmt::print("{:<16}{:.2f} to {:.2f} m, median {:.2f} m; {:.0f} % of the pixels\n", "depth", s.nearest, s.farthest,
+             s.median, 100 * s.measured_share);
+  fmt::print("{:<16}with {} of these, {:+.1f} ms from depth\n", "color images", s.with_color, 1000 * s.color_delay);
+  fmt::print("{:<16}with {} of these\n", "poses", s.with_pose);
+  fmt::print("{:<16}with {} of these\n", "accelerometer", s.with_acceleration);
+  fmt::print("{:<16}with {} of these\n", "gyroscope", s.with_gyroscope);
+  fmt::print("{:<16}with {} of these\n", "confidence", s.with_confidence);
+  for (const std::string& doubt : s.doubts) fmt::print("{:<16}{}\n", "doubt", doubt);
+  if (s.doubts.empty()) fmt::print("{:<16}none\n", "doubts");
+}
+
+void draw(const Arguments& a) {
+  SourceOptions options = source_options(a.sequence, a.camera, a.topics);
+  options.range = {.begin = a.frame, .end = a.frame + 1};
+  const auto source = open_source(a.sequence, options);
+  const auto frame = source->next();
+  if (!frame) throw std::runtime_error(fmt::format("{}: has no frame {}", a.sequence, a.frame));
+  if (frame->problem) throw std::runtime_error(*frame->problem);
+  write_edges_picture(a.picture, source->rig(), *frame);
+}
+
+void info(const Arguments& a) {
+  if (is_project_folder(a.sequence)) return print_project_info(a.sequence, a.json);
+  refuse_internal_files(a.sequence);
+  Inputs().add_recording(a.sequence).add(a.camera).check_output_file(a.picture);
+  if (is_map_folder(a.sequence)) return print_map_info(a.sequence, a.json);
+  const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
+  SourceSummary summary = inspect(*source, a.frames);
+  // Poses in separate files are not part of the frames until requested.
+  if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) &&
+      (std::filesystem::is_directory(a.sequence) || extension_of(a.sequence) == ".zip"))
+    summary.with_pose =
+        std::max(summary.with_pose, std::min(summary.looked_at, static_cast<int>(recorded_truth(a.sequence).size())));
+  const auto interpretations = interpretation_of(a.sequence, source_options(a.sequence, a.camera, a.topics));
+  if (a.json) {
+    Json json = json_of(summary);
+    for (const auto& [what, words] : interpretations) json["understood"][what] = words;
+    fmt::print("{}\n", format_json(json, 2));
+  } else {
+    print(summary, interpretations);
+  }
+  if (!a.picture.empty()) draw(a);
+}
+
+}  // namespace
+
+void add_info(CLI::App& program) {
+  auto* command = program.add_subcommand(
+      "info", "Describe a recording or a sensor, the quality of a map, or the progress of a project");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SEQUENCE", a->sequence, kSequenceHelp)->required()->type_name(kPath);
+  add_camera(*command, a->camera, "in place of the cameras of the recording or sensor");
+  add_topics(*command, a->topics);
+  add_number(*command, "--frames", a->frames, {1, 1e9}, "Number of frames to inspect, from the first")
+      ->capture_default_str();
+  command->add_option("--picture", a->picture, "PNG of a frame's color with the depth edges drawn over it")
+      ->type_name(kFile);
+  add_number(*command, "--frame", a->frame, {0, 1e9}, "Frame of --picture")->capture_default_str();
+  command->add_flag("--json", a->json, "Print JSON");
+  command->callback([a] { info(*a); });
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <utility>
+
+#include "cairn/eval/pose_check.hpp"
+#include "cairn/io/layouts.hpp"
+#include "cli/commands.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/progress.hpp"
+#include "cli/quantity.hpp"
+#include "cli/quiet.hpp"
+#include "cli/run.hpp"
+#include "cli/sources.hpp"
+
+namespace cairn::apps {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
+
+struct Arguments : RunArguments {
+  fs::path poses, guess;
+  std::string frames;
+  std::optional<std::string> poses_convention;
+  int read_ahead = 4;
+  bool refine = false, adjust = false, reintegrate = false;
+};
+
+/// Poses of --poses or --guess, world_from_camera; empty without either.
+Trajectory given_poses(const Arguments& a) {
+  const fs::path& file = a.poses.empty() ? a.guess : a.poses;
+  if (a.poses_convention && file.empty())
+    throw CLI::ValidationError("--poses-convention", "describes --poses or --guess: give one of them");
+  if (file.empty()) return {};
+  Trajectory poses = recorded_truth(file);
+  if (poses.empty()) throw std::runtime_error(file.string() + ": is a recording without poses");
+  return with_convention(std::move(poses), pose_convention(a.poses_convention.value_or("")));
+}
+
+std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options, const HoldOut& held_out,
+                                    const Trajectory& given) {
+  auto source = hold_out(open_source(a.sequence, options), held_out);
+  if (!a.poses.empty()) source = with_poses(std::move(source), given);
+  if (!a.guess.empty()) source = with_guesses(std::move(source), given);
+  return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
+}
+
+/// Checks the given poses against the depth of sampled frames. Returns nullopt without poses, and for a sensor, whose
+/// frames cannot be read twice.
+std::optional<PoseCheck> check_given_poses(const Arguments& a, SourceOptions options, const Trajectory& given) {
+  if (given.empty() || is_sensor(a.sequence)) return std::nullopt;
+  options.find_color_camera = false;
+  options.depth_only = true;
+  const Quiet quiet;
+  const auto source = open_source(a.sequence, options);
+  const auto frames = sampled_frames(*source);
+  return check_poses(source->rig(), frames, given);
+}
+
+/// Adds the check of given poses to the verdict. Poses that are only a guess cannot harm the map, so they only get a
+/// warning.
+void report(const PoseCheck& check, Poses poses, Run& run) {
+  if (poses == Poses::given)
+    run.set_pose_check(check);
+  else if (check.contradicts)
+    spdlog::warn(to_string(check, "--guess"));
+}
+
+/// Upper triangles in row order.
+nlohmann::json to_json(const std::vector<AdjustReport::KeyframeCovariance>& all) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const auto& [timestamp, covariance] : all) {
+    nlohmann::json triangle = nlohmann::json::array();
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) triangle.push_back(covariance(i, j));
+    list.push_back({{"timestamp", timestamp}, {"covariance", std::move(triangle)}});
+  }
+  return list;
+}
+
+nlohmann::json to_json(const AdjustReport& a) {
+  return {{"keyframes", a.keyframes},
+          {"surfels", a.surfels},
+          {"observations", a.observations},
+          {"clock_offset", a.clock_offset},
+          {"readout", a.readout},
+          {"readout_sigma", a.readout_sigma},
+          {"predicts_better", a.error_reduction},
+          {"has_readout", a.has_readout},
+          {"corrected_predicts_better", a.corrected_error_reduction},
+          {"has_correction", !a.correction.empty()},
+          {"covariances", to_json(a.covariances)}};
+}
+
+void warn_of_errors(const AdjustReport& adjusted, bool is_used, Run& run) {
+  if (adjusted.has_readout)
+    run.warn(
+        fmt::format("the camera has a rolling shutter with a readout of about {:.0f} ms: calibrate it with `cairn "
+                    "calibrate --shutter` for more accurate tracking",
+                    1000 * adjusted.readout));
+  if (!adjusted.correction.empty() && !is_used)
+    run.warn(
+        "the depth error exceeds the sensor noise: `--reintegrate` corrects it, and `cairn calibrate --depth` "
+        "calibrates it for later recordings");
+}
+
+/// Adds frames until the recording ends or a signal arrives. Returns the number of frames read.
+int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrupt) {
+  int read = 0;
+  Progress progress(source.size());
+  auto waited = Clock::now();
+  while (!interrupt.requested()) {
+    const auto frame = source.next();
+    if (!frame) break;
+    ++read;
+    const FrameReport report =
+        run.add(*frame, std::chrono::duration<double, std::milli>(Clock::now() - waited).count());
+    if (run.stopped()) break;
+    if (report.state == FrameState::fused) interrupt.allow_graceful_exit();
+    progress.step(to_string(report, a.verbose));
+    waited = Clock::now();
+  }
+  return read;
+}
+
+/// Improves the complete map after the last frame. A signal ends the current stage and keeps its previous result; an
+/// adjustment keeps its intermediate result.
+nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajectory& given, Run& run,
+                       Interrupt& interrupt) {
+  nlohmann::json results;
+  interrupt.allow_graceful_exit();  // also if no frame was left
+  const auto progress_callback = [&](Progress& progress, const char* words) {
+    return [&interrupt, &progress, words](double share) {
+      progress.step(static_cast<int>(100 * share), 100, words);
+      return !interrupt.requested();
+    };
+  };
+  const auto stage = [&](bool is_requested, const char* name, const std::function<void()>& work) {
+    if (is_requested && !interrupt.requested()) run.timed(name, work);
+    if (is_requested && interrupt.requested()) run.interrupted_in(name);
+  };
+  stage(a.refine || a.reintegrate, "refine", [&] {
+    interrupt.set_message("skipping the rest of the refinement; interrupt again to end at once");
+    Progress progress(std::nullopt, "");
+    const RefineReport refined = run.mapper().refine(progress_callback(progress, "refining"));
+    results["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
+                          {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
+                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
+  });
+  AdjustReport adjusted;
+  stage(a.adjust || a.reintegrate, "adjust", [&] {
+    interrupt.set_message("keeping the adjustment so far; interrupt again to end at once");
+    {
+      Progress progress(std::nullopt, "");
+      adjusted = run.mapper().adjust(progress_callback(progress, "adjusting"));
+    }
+    results["adjusted"] = to_json(adjusted);
+    warn_of_errors(adjusted, a.reintegrate, run);
+  });
+  stage(a.reintegrate, "reintegrate", [&] {
+    interrupt.set_message("keeping the adjusted map; interrupt again to end at once");
+    SourceOptions options_again = source_options(a, parse_frames(a.frames));
+    options_again.find_color_camera = false;  // already known to the mapper
+    const auto again = open_frames(a, options_again, held_out, given);
+    Progress progress(again->size());
+    int done = 0;
+    run.mapper().reintegrate(*again, adjusted.correction, [&](int frames) {
+      if (frames > std::exchange(done, frames)) progress.step("reintegrating");
+      return !interrupt.requested();
+    });
+  });
+  return results;
+}
+
+void reconstruct(const Arguments& requested) {
+  const Inputs inputs =
+      inputs_of(requested).add_recording(requested.poses.string()).add_recording(requested.guess.string());
+  const Arguments a = with_output(requested, inputs, requested.poses.empty());
+  const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
+  (void)options_of(a);  // reports wrong options before reading
+  const ResumePoint begin = resume_point(a, parse_frames(a.frames));
+  const HoldOut& held_out = begin.progressed.hold_out;
+  const Trajectory given = given_poses(a);
+  const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range), given);
+  const auto source = open_frames(a, source_options(a, begin.range), held_out, given);
+  const Options options = options_of(a, source->rig().sensor);
+  Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
+  if (pose_check) report(*pose_check, poses, run);
+  if (!a.guess.empty())
+    run.compare_with(given, kGuessDrift);
+  else if (poses == Poses::tracked)
+    run.compare_with(device_poses(a.sequence, a.camera));
+  const ExitMessage exit_message(run.exit_message());
+  Interrupt interrupt(Interrupt::Graceful::later);
+  const std::optional<int> count = source->size();
+  const int read = add_frames(a, *source, run, interrupt);
+  if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
+  const nlohmann::json results = run.stopped() ? nlohmann::json() : improve(a, held_out, given, run, interrupt);
+  interrupt.set_message(kWriting);
+  if (const auto why = source->ended_early()) run.warn(*why);
+  if (a.hold_out && !run.stopped() && run.held_out() == 0)
+    run.warn(fmt::format("--hold-out {}: no frame was held out: give a smaller number", *a.hold_out));
+  exit_with(run.finish(results));
+}
+
+}  // namespace
+
+void add_reconstruct(CLI::App& program) {
+  auto* command = program.add_subcommand("reconstruct", "Turn a recording into a mesh, a map and a trajectory");
+  const auto a = std::make_shared<Arguments>();
+  add_run_options(*command, *a);
+  add_number(*command, "--read-ahead", a->read_ahead, {0, 1000},
+             "Frames decoded ahead in a separate thread; 0: no thread")
+      ->capture_default_str();
+  command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
+  add_number(*command, "--hold-out", a->hold_out, {2, 1'000'000},
+             "Track every N-th frame, but exclude it from the map, its colors and its adjustment; `cairn evaluate map` "
+             "compares the map with these frames [none]");
+  auto* poses =
+      command
+          ->add_option(
+              "--poses", a->poses,
+              "Fuse with these world_from_camera poses (TUM format, or a recording with true poses) and do not track")
+          ->check(CLI::ExistingPath)
+          ->excludes("--resume");
+  command
+      ->add_option("--guess", a->guess,
+                   "Initial poses for each alignment from a phone's odometry, wheel odometry or another program (as "
+                   "--poses), used while they are better than the camera's own motion")
+      ->check(CLI::ExistingPath)
+      ->excludes(poses);
+  command
+      ->add_option(
+          "--poses-convention", a->poses_convention,
+          "Convention of --poses or --guess: camera_from_world, wxyz (qw first), opengl, ros or unity axes of "
+          "the camera or axes=RIGHT,DOWN,FORWARD (as x,-y,-z), mm, cm, ft or scale=METERS, clock=SECONDS to add; "
+          "several are separated by commas [world_from_camera, x right, y down, z forward, meters]")
+      ->check([](const std::string& text) -> std::string {
+        try {
+          (void)pose_convention(text);
+          return {};
+        } catch (const std::runtime_error& error) {
+          return error.what();
+        }
+      });
+  command
+      ->add_flag("--no-mesh", a->no_mesh,
+                 "Write only the session, the trajectory and report.json: for a segment of a project")
+      ->excludes(poses);
+  command
+      ->add_flag("--refine", a->refine,
+                 "Align keyframes with each other after the last frame and deform the map to the optimized pose graph")
+      ->excludes(poses);
+  command
+      ->add_flag("--adjust", a->adjust,
+                 "Jointly adjust keyframe poses, the surface, the readout time and the depth error after the last "
+                 "frame, by depth and brightness, and deform the map accordingly")
+      ->excludes(poses);
+  command
+      ->add_flag("--reintegrate", a->reintegrate,
+                 "Like --refine and --adjust, but then track the frames between keyframes again and fuse all frames "
+                 "with corrected depth instead of deforming the map")
+      ->excludes(poses);
+  command->callback([a] { reconstruct(*a); });
+}
+
+}  // namespace cairn::apps

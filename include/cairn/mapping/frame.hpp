@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cairn/mapping/rig.hpp"
+
+namespace cairn {
+
+/// Gyroscope sample.
+struct AngularRate {
+  double timestamp = 0;                            ///< seconds, in the frames' clock
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  ///< rad/s, in the inertial sensor's own frame (Rig::camera_from_imu)
+};
+
+/// One RGB-D frame. Images are row-major, with the sizes given by the source's rig.
+struct Frame {
+  int index = 0;                         ///< position in the sequence, counted from 0 over all its depth images
+  double timestamp = 0.0;                ///< seconds; increases from frame to frame
+  std::vector<float> depth;              ///< meters along z; 0: no measurement; never NaN or negative
+  std::vector<std::uint8_t> confidence;  ///< per depth pixel, 0 to 255 (certain); empty: not provided by the sensor
+  double color_delay = 0.0;              ///< seconds from the depth timestamp to the color timestamp
+  std::vector<std::uint32_t> color;      ///< bytes R, G, B, 255 in memory order (sRGB); empty: no color for this frame
+  std::optional<Eigen::Isometry3d> world_from_camera;  ///< given pose (--poses, synthetic scenes)
+  /// Accelerometer reading averaged around this time, m/s^2, in the camera's frame: at rest 9.81 upward.
+  std::optional<Eigen::Vector3d> acceleration;
+  std::vector<AngularRate> gyro;  ///< samples since the previous frame, up to this frame's time or the end of its
+                                  ///< readout
+  /// Pose estimate from an external odometry (a phone, wheels): world_from_camera in its own world frame.
+  std::optional<Eigen::Isometry3d> guess;
+  /// Held-out frame for evaluation: a Mapper estimates its pose but never adds its data to the map.
+  bool held_out = false;
+  std::optional<std::string> problem;  ///< reason for an unreadable frame, in one line; its images are then empty
+};
+
+/// A stream of frames, read in order.
+class Source {
+ public:
+  virtual ~Source() = default;
+  [[nodiscard]] virtual const Rig& rig() const = 0;
+  /// Kind of input, in a few words: "TUM RGB-D folder", "ROS 1 bag"; empty if unspecified.
+  [[nodiscard]] virtual std::string layout() const { return {}; }
+  /// Number of remaining frames, or nullopt if unknown.
+  [[nodiscard]] virtual std::optional<int> size() const = 0;
+  /// The next frame, or nullopt at the end of the stream. An unreadable frame has its `problem` set.
+  [[nodiscard]] virtual std::optional<Frame> next() = 0;
+  /// Timestamp of the next frame, seconds; nullopt if unknown before the frame is read.
+  [[nodiscard]] virtual std::optional<double> next_timestamp() const { return std::nullopt; }
+  /// Skips the frame of next_timestamp() without reading it.
+  virtual void skip() {}
+  /// Reason for a premature end of the stream (unplugged, truncated), in one line, if any.
+  [[nodiscard]] virtual std::optional<std::string> ended_early() const { return std::nullopt; }
+  /// Number of frames dropped so far because the reader was slower than the stream.
+  [[nodiscard]] virtual int dropped() const { return 0; }
+};
+
+}  // namespace cairn

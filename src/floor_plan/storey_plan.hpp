@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "floor_plan/segment_index.hpp"
+#include "floor_plan/storey_raster.hpp"
+#include "floor_plan/straighten.hpp"
+
+namespace cairn::plan {
+
+/// Room with walls or doors all around.
+struct Room {
+  Point middle = Point::Zero();  // best position for a label
+  double area = 0;               // m2, inside its lines
+};
+
+/// Storey as drawn.
+struct StoreyPlan {
+  double floor = 0;          // meters above the world's origin
+  StraightLines walls;       // faces of walls and of other objects at the cut
+  std::vector<Area> solid;   // between two observed faces
+  std::vector<Area> floors;  // observed
+  std::vector<Area> furniture, unseen;
+  std::vector<Room> rooms;
+  double floor_area = 0;  // m2 observed, including furniture
+  /// With Coverage::included, `unseen` is the unobserved area inside the building's outline instead of the enclosed
+  /// holes.
+  double unobserved_area = 0, unobserved_share = 0;  // m2, and share of the area inside the outline
+};
+
+enum class Coverage : std::uint8_t { omitted, included };
+
+/// `voxel`: meters, of the map.
+[[nodiscard]] StoreyPlan plan_of(const StoreyRaster& raster, double voxel, Coverage coverage = Coverage::omitted);
+
+/// Known inside of a building's outline: cells enclosed by known cells, or with known cells on three of the four sides
+/// along its walls, two of them opposite within a room's length. `angle`: of its walls, radians.
+[[nodiscard]] Mask within_outline(const Grid& grid, const Mask& observed, double angle);
+
+/// Solid between two faces of a wall, at most 0.6 m thick, and small remaining gaps where walls meet.
+[[nodiscard]] Mask solid_between(const StoreyRaster& raster, const SegmentIndex& sides);
+
+/// Parts of `open` enclosed by walls and doors. `walls`: lines and solid.
+[[nodiscard]] std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls, const Mask& solid,
+                                         const SegmentIndex& sides);
+
+}  // namespace cairn::plan

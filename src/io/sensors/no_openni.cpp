@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Replaces openni_source.cpp in builds without OpenNI2.
+#include <stdexcept>
+
+#include "io/sensors/openni.hpp"
+
+namespace cairn {
+
+std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions&) {
+  throw std::runtime_error((uri.empty() ? "openni:" : uri) +
+                           ": depth sensors and .oni files need OpenNI2, which this build lacks: build with "
+                           "CAIRN_OPENNI=ON, which needs libopenni2-dev");
+}
+
+}  // namespace cairn

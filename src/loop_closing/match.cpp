@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "loop_closing/match.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kMinInliers = 0.4, kMinOverlap = 0.3, kMaxRmse = 2.0;
+// Rad, m: max. difference between both directions.
+constexpr double kMaxRotationDifference = 0.02, kMaxTranslationDifference = 0.02;
+
+}  // namespace
+
+SurfaceMatcher::SurfaceMatcher(gpu::Device& device, const Rig& rig, const Options& options)
+    : first_(device, with_global_shutter({rig.depth, rig.sensor}), options.surface, options.track.levels,
+             options.track.finest_level),
+      second_(device, with_global_shutter({rig.depth, rig.sensor}), options.surface, options.track.levels,
+              options.track.finest_level),
+      aligner_(device, options.track, rig.sensor) {}
+
+void SurfaceMatcher::set_from(const Frame& from) { view_.levels = first_.preprocess(from).levels; }
+
+std::optional<Match> SurfaceMatcher::match(const Frame& to, const Eigen::Isometry3d& guess) {
+  const Alignment a = aligner_.align(second_.preprocess(to), view_, guess);
+  if (!a.converged() || a.fit.inlier_share < kMinInliers || a.fit.overlap < kMinOverlap || a.fit.rmse > kMaxRmse ||
+      a.fit.unobserved > 0)
+    return std::nullopt;
+  // The alignment's information is for motions in the frame of `from`.
+  const Matrix6d from_to = adjoint(a.submap_from_camera);
+  return Match{.i_from_j = a.submap_from_camera,
+               .information = inflate_information(from_to.transpose() * a.information * from_to),
+               .inlier_share = a.fit.inlier_share,
+               .rmse = a.fit.rmse};
+}
+
+std::optional<Match> SurfaceMatcher::match_symmetric(const Frame& from, const Frame& to,
+                                                     const Eigen::Isometry3d& guess) {
+  set_from(from);
+  auto forward = match(to, guess);
+  if (!forward) return std::nullopt;
+  set_from(to);
+  const auto backward = match(from, forward->i_from_j.inverse());
+  if (!backward) return std::nullopt;
+  const Eigen::Isometry3d round_trip = forward->i_from_j * backward->i_from_j;
+  if (round_trip.translation().norm() > kMaxTranslationDifference ||
+      Eigen::AngleAxisd(round_trip.linear()).angle() > kMaxRotationDifference)
+    return std::nullopt;
+  return forward;
+}
+
+}  // namespace cairn

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "mapper/second_pass.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+#include <variant>
+
+#include "alignment/align.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/mapping/trajectory.hpp"
+#include "geometry/velocity.hpp"
+#include "graph/inflate_information.hpp"
+#include "mapper/back_end.hpp"
+#include "mapper/refine.hpp"
+#include "mapper/tracking_criteria.hpp"
+#include "preprocess/preprocess.hpp"
+#include "preprocess/rectify.hpp"
+#include "volume/integrate.hpp"
+#include "volume/raycast.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kMaxMotion = 0.15;  // rad, m: max. distance of a frame's pose from the interpolated keyframe poses
+
+/// Weight of the motion measured by an alignment, relative to the pose from the adjusted keyframes: positive part of
+/// the estimator of James & Stein 1961, since motion below the alignment's error is noise. The information is for two
+/// aligned views; its variance is halved, as the map averages many.
+double motion_weight(const Vector6d& moved, const Matrix6d& information) {
+  constexpr double kDimensions = 6, kVarianceRatio = 2;
+  const double squared = kVarianceRatio * moved.dot(inflate_information(information) * moved);
+  return squared > kDimensions - 2 ? 1 - (kDimensions - 2) / squared : 0;
+}
+
+bool is_before(const StampedPose& pose, double timestamp) { return pose.timestamp < timestamp; }
+
+/// Second pass over tracked poses.
+class SecondPass {
+ public:
+  /// `rectified`: camera of the surfaces. `correction`: of the keyframes' depth.
+  SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options, BackEnd& back_end,
+             const DepthCorrection& correction, double clock_offset);
+
+  /// Fuses the keyframes at their adjusted poses. `check_canceled` is called before each, and may throw.
+  void fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
+                      const std::function<void()>& check_canceled);
+  /// True if the first pass fused or held out a frame with this timestamp, in the main component.
+  [[nodiscard]] bool has(double timestamp) const { return index_of(timestamp).has_value(); }
+  /// Motion of the camera at a frame's time, from the adjusted keyframes.
+  [[nodiscard]] MotionAt motion(double timestamp) const;
+  [[nodiscard]] bool is_keyframe(double timestamp) const;
+  /// Tracks the frame again and returns its pose; the adjusted pose if the alignment is unreliable or the frame is a
+  /// keyframe.
+  [[nodiscard]] Eigen::Isometry3d track(const Frame& frame, const FramePyramid& live, Volume& volume);
+  /// Stores the poses of all frames of the main component, updated by track(), see BackEnd::rebase.
+  void rebase(std::uint32_t since) { back_end_.rebase(since, poses_, correction_); }
+
+ private:
+  [[nodiscard]] std::optional<std::size_t> index_of(double timestamp) const;
+
+  BackEnd& back_end_;
+  DepthCorrection correction_;
+  double clock_offset_;
+  std::vector<std::size_t> keyframes_;  // of the main component
+  Trajectory adjusted_, poses_;         // before and after tracking
+  Preprocessor preprocessor_;           // of keyframes, already corrected for the shutter
+  Raycaster raycaster_;
+  Aligner aligner_;
+  PhotometricKeyframe reference_;
+};
+
+SecondPass::SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
+                       BackEnd& back_end, const DepthCorrection& correction, double clock_offset)
+    : back_end_(back_end),
+      correction_(correction),
+      clock_offset_(clock_offset),
+      keyframes_(back_end.atlas().main_keyframes()),
+      adjusted_(back_end.atlas().trajectory(back_end.atlas().main_component(), 0, back_end.atlas().frames.size())),
+      poses_(adjusted_),
+      preprocessor_(device, with_global_shutter(rig), options.surface, options.track.levels,
+                    options.track.finest_level),
+      raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
+      aligner_(device, options.track, rig.sensor),
+      reference_(device, rectified, options.track) {}
+
+void SecondPass::fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
+                                const std::function<void()>& check_canceled) {
+  const Atlas& atlas = back_end_.atlas();
+  for (const std::size_t k : keyframes_) {
+    check_canceled();
+    Frame frame = back_end_.images().get(k);
+    frame.color_delay = atlas.keyframes[k].color_delay;
+    correction_.apply(back_end_.camera().width, back_end_.camera().height, frame.depth);
+    const FramePyramid seen = preprocessor_.preprocess(frame);
+    seen.register_color_to_depth();
+    (void)integrator.integrate(seen, atlas.world_from_camera[k], volume, ++fused_count, 1);
+  }
+}
+
+std::optional<std::size_t> SecondPass::index_of(double timestamp) const {
+  const auto found = std::lower_bound(poses_.begin(), poses_.end(), timestamp, is_before);
+  if (found == poses_.end() || found->timestamp != timestamp) return std::nullopt;
+  return static_cast<std::size_t>(found - poses_.begin());
+}
+
+MotionAt SecondPass::motion(double timestamp) const { return at_velocity(velocity_at(adjusted_, timestamp)); }
+
+bool SecondPass::is_keyframe(double timestamp) const {
+  const auto& all = back_end_.atlas().keyframes;
+  const auto found = std::lower_bound(keyframes_.begin(), keyframes_.end(), timestamp,
+                                      [&](std::size_t k, double time) { return all[k].timestamp < time; });
+  return found != keyframes_.end() && all[*found].timestamp == timestamp;
+}
+
+Eigen::Isometry3d SecondPass::track(const Frame& frame, const FramePyramid& live, Volume& volume) {
+  Eigen::Isometry3d& pose = poses_[*index_of(frame.timestamp)].world_from_camera;
+  const ColorMoment moment{.velocity = velocity_at(adjusted_, frame.timestamp),
+                           .stamp_delay = frame.color_delay,
+                           .clock_offset = clock_offset_};
+  if (is_keyframe(frame.timestamp)) {
+    if (!live.packed.empty()) reference_.set(live, pose, moment);
+    return pose;
+  }
+  volume.page_in_around(pose.translation());
+  const SurfacePrediction view = raycaster_.raycast(volume, pose);
+  const Alignment a = aligner_.align(live, view, pose, &reference_, moment);
+  const Vector6d moved = local_coordinates(pose.inverse() * a.submap_from_camera);
+  const bool is_trusted = a.converged() && misfit(a) <= kMaxMisfit && moved.head<3>().norm() < kMaxMotion &&
+                          moved.tail<3>().norm() < kMaxMotion;
+  if (is_trusted) pose = pose * retract(motion_weight(moved, a.information) * moved);
+  if (!frame.held_out && !live.packed.empty() &&
+      (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, &a)))
+    reference_.set(live, pose, moment);
+  return pose;
+}
+
+/// Second pass over given poses, which do not change. The keyframes serve only for textures.
+class GivenPass {
+ public:
+  explicit GivenPass(const Trajectory& poses) : poses_(poses) {}
+
+  [[nodiscard]] bool has(double timestamp) const { return pose_at(poses_, timestamp, 0).has_value(); }
+  [[nodiscard]] MotionAt motion(double timestamp) const { return at_velocity(velocity_at(poses_, timestamp)); }
+  [[nodiscard]] static bool is_keyframe(double) { return false; }
+  [[nodiscard]] Eigen::Isometry3d track(const Frame& frame, const FramePyramid&, Volume&) const {
+    return *pose_at(poses_, frame.timestamp, 0);
+  }
+
+ private:
+  const Trajectory& poses_;
+};
+
+/// Frames of a source, with their count; each may be canceled.
+struct CountedFrames {
+  Source& source;
+  const std::function<bool(int)>& progress;
+  int count = 0;
+
+  void check_canceled() const {
+    if (progress && !progress(count)) throw std::runtime_error(kInterrupted);
+  }
+  [[nodiscard]] std::optional<Frame> next() {
+    auto frame = source.next();
+    if (!frame) return frame;
+    ++count;
+    check_canceled();
+    return frame;
+  }
+};
+
+/// Fuses all frames with a pose, except keyframes.
+template <class Pass>
+void fuse_frames(MapState& s, Pass& pass, CountedFrames& frames) {
+  std::optional<Eigen::Isometry3d> last;
+  while (const auto read = frames.next()) {
+    const CheckedFrame checked(*read, s.rig, std::nullopt);
+    if (!checked.is_usable()) continue;
+    const Frame& frame = checked.frame();
+    if (!pass.has(frame.timestamp)) continue;
+    const FramePyramid seen = s.preprocessor.preprocess(frame, pass.motion(frame.timestamp));
+    const Eigen::Isometry3d pose = pass.track(frame, seen, s.volume);
+    if (frame.held_out || pass.is_keyframe(frame.timestamp)) continue;  // keyframes are already fused
+    seen.register_color_to_depth();
+    const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * pose) : std::nullopt;
+    (void)s.integrator.integrate(seen, pose, s.volume, ++s.fused_count, s.carving_interval(motion));
+    last = pose;
+  }
+}
+
+void fuse_again(MapState& s, const TrackedPoses&, CountedFrames& frames, const DepthCorrection& correction) {
+  const std::uint32_t since = s.fused_count + 1;
+  SecondPass pass(s.device, s.rig, s.preprocessor.camera(), s.options, s.back_end, correction,
+                  s.tracker.clock_offset());
+  pass.fuse_keyframes(s.integrator, s.volume, s.fused_count, [&] { frames.check_canceled(); });
+  fuse_frames(s, pass, frames);
+  pass.rebase(since);
+}
+
+void fuse_again(MapState& s, const GivenPoses& given, CountedFrames& frames, const DepthCorrection&) {
+  GivenPass pass(given.poses());
+  fuse_frames(s, pass, frames);
+}
+
+}  // namespace
+
+bool reintegrate(MapState& s, Source& source, const DepthCorrection& correction,
+                 const std::function<bool(int)>& progress) {
+  s.back_end.finish_optimization();
+  s.cached_volume.reset();
+  const Volume::SavedState saved_volume = s.volume.save();
+  BrickTree before = s.volume.on_host().copy();
+  const DepthCorrection known = s.rig.depth_correction;
+  const bool is_done = s.warnings().attempt("frames are not re-integrated", [&] {
+    if (s.recordings() > 1) throw std::runtime_error("the map has several recordings");
+    check(correction);
+    s.volume.adopt({});
+    s.rig.depth_correction = s.rig.depth_correction.compose(correction);
+    CountedFrames frames{source, progress};
+    std::visit([&](const auto& poses) { fuse_again(s, poses, frames, correction); }, s.poses);
+  });
+  if (is_done) return true;
+  s.rig.depth_correction = known;
+  s.volume.restore(std::move(before), saved_volume);
+  return false;
+}
+
+}  // namespace cairn

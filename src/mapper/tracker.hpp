@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <string>
+
+#include "alignment/align.hpp"
+#include "alignment/gyroscope.hpp"
+#include "base/stopwatch.hpp"
+#include "cairn/mapping/frame.hpp"
+#include "cairn/mapping/reports.hpp"
+#include "cairn/mapping/trajectory.hpp"
+#include "map/keyframe.hpp"
+#include "place/keyframe_database.hpp"
+#include "preprocess/rectify.hpp"
+#include "volume/raycast.hpp"
+
+namespace cairn {
+
+/// Tracking result: pose of a frame, with its uncertainty.
+struct TrackingResult {
+  enum class State {
+    aligned,      // with the map
+    initialized,  // starts the map or, after a long loss, a new component: no map to align with
+    lost          // no reliable pose
+  };
+  State state = State::lost;
+  Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // unless lost
+  Alignment alignment;  // last attempted alignment; unset for the first frame of a map
+  InitialGuess guess = InitialGuess::none;
+  Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the predicted surface
+  FrameCause cause = FrameCause::none;
+  std::string reason;  // the cause as text
+
+  /// Information of the pose in the camera's frame; null without an alignment.
+  [[nodiscard]] const Matrix6d* information() const {
+    return state == State::aligned ? &alignment.information : nullptr;
+  }
+};
+
+/// Tracks the camera: predicts each frame's pose, aligns the frame with the map, and detects tracking loss. Two calls
+/// per frame: `track`, and `commit` once the frame is fused.
+class Tracker {
+ public:
+  /// `rig`: of the frames. `rectified`: camera of the surfaces. `keyframes`: those of the map, owned and extended by
+  /// the caller, which also marks the keyframes with a known pose in the tracking frame.
+  Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
+          const KeyframeDatabase& keyframes, const KeyframeStore& images);
+
+  /// Tracks a frame; the result has a cause if there is no pose. Removes moving pixels from `live`'s fusion image (see
+  /// shaders/moving_mask.comp). Before commit(), a frame affects only the loss state and the cached prediction.
+  [[nodiscard]] TrackingResult track(const Frame& frame, const FramePyramid& live, Volume& volume, StageTimes& times);
+  /// Tracks a held-out frame without any change of state.
+  [[nodiscard]] TrackingResult track_only(const Frame& frame, const FramePyramid& live, Volume& volume,
+                                          StageTimes& times);
+  /// Share of the image removed from the last fusion image as moving. Waits for the device.
+  [[nodiscard]] double moving() const;
+  /// Adds gyroscope rates, also those of untracked frames.
+  void add_gyro(const std::vector<AngularRate>& rates) { gyroscope_.add(rates); }
+  /// Motion of the camera while a frame is taken: predicted, and with the frame's pose.
+  [[nodiscard]] MotionAt motion(const Frame& frame) const;
+  [[nodiscard]] MotionAt motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
+  /// Removes moving pixels as `track` does, from a surface that was preprocessed again.
+  void mask_moving(const FramePyramid& live, const TrackingResult& tracked, const Volume& volume);
+  /// Commits a fused frame with its tracked pose.
+  void commit(const Frame& frame, const FramePyramid& live, const TrackingResult& tracked);
+  /// Adds evidence for focal() from the last two keyframes, if the camera turned between them.
+  void add_focal_evidence();
+
+  /// Estimated seconds by which the color camera's clock is ahead of the depth camera's.
+  [[nodiscard]] double clock_offset() const;
+  [[nodiscard]] FocalEvidence focal() const;
+
+  struct Moment {
+    double timestamp = 0;
+    Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();
+  };
+  /// State in addition to the keyframes, for resuming.
+  struct State {
+    std::vector<Moment> last;             // at most two fused frames, newest last
+    double last_aligned = 0;              // seconds; before the newest frame if the gyroscope replaced the alignment
+    bool last_is_degenerate = false;      // the newest pose has an unobserved direction
+    double mean_photometric_rmse = 0.03;  // photometric rmse, running mean over fused frames
+    int lost_frames = 0;                  // since the last fused frame
+    int lost_views = 0;                   // lost frames with enough depth
+    std::array<double, kClockOffsets.size()> clock_offset_costs{};  // summed over frames
+    int clock_offset_frames = 0;
+    std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of keyframes
+    int focal_pairs = 0;
+    std::optional<Eigen::Isometry3d> last_guess;  // Frame::guess of the newest frame
+    double guess_error = 0, motion_error = 0;     // running means of the prediction errors: rad and m summed
+    int guesses = 0;
+    int frames_of_prediction = 0;  // frames aligned with the current predicted surface
+  };
+  /// Complete state.
+  struct SavedState {
+    State state;
+    PhotometricKeyframe::SavedState reference;
+    Raycaster::SavedState prediction;
+    Gyroscope::State gyroscope;
+  };
+  [[nodiscard]] SavedState save() const;
+  void restore(const SavedState& saved);
+  [[nodiscard]] const State& state() const { return state_; }
+  /// Starts lost in a map with keyframes, as if the camera was last seen at the newest keyframe, long ago.
+  void start_lost();
+
+ private:
+  [[nodiscard]] TrackingResult start_map(const Frame& frame) const;
+  /// Tracks or relocalizes in the existing map.
+  [[nodiscard]] TrackingResult track_in_map(const Frame& frame, const FramePyramid& live, Volume& volume,
+                                            StageTimes& times);
+  [[nodiscard]] TrackingResult track_frame(const Frame& frame, const FramePyramid& live, Volume& volume,
+                                           StageTimes& times);
+  [[nodiscard]] TrackingResult relocalize(const Frame& frame, const FramePyramid& live, Volume& volume,
+                                          StageTimes& times);
+  [[nodiscard]] bool is_gyro_usable(const Frame& frame) const;
+  [[nodiscard]] TrackingResult gyro_prediction(const Frame& frame) const;
+  [[nodiscard]] static bool has_enough_depth(const Frame& frame);
+  [[nodiscard]] TrackingResult align(const Frame& frame, const FramePyramid& live, Volume& volume,
+                                     const Eigen::Isometry3d& guess, InitialGuess kind, AlignmentRange range,
+                                     StageTimes& times);
+  [[nodiscard]] TrackingResult align_with_prediction(const Frame& frame, const FramePyramid& live,
+                                                     const Eigen::Isometry3d& guess, InitialGuess kind,
+                                                     AlignmentRange range, StageTimes& times);
+  /// True if the last predicted surface is nearly the view from the guess.
+  [[nodiscard]] bool is_prediction_reusable(const Eigen::Isometry3d& guess) const;
+  /// True if a new component starts: the camera has been lost long enough and this frame has enough depth.
+  [[nodiscard]] bool should_start_component(const Frame& frame);
+  /// Resets tracking for a new component.
+  void reset();
+
+  [[nodiscard]] Eigen::Isometry3d predict(const Frame& frame) const;
+  [[nodiscard]] Eigen::Isometry3d predict_by_motion(double timestamp) const;
+  [[nodiscard]] std::optional<Eigen::Isometry3d> predict_by_guess(const Frame& frame) const;
+  void update_prediction_errors(const Frame& frame, const Eigen::Isometry3d& submap_from_camera);
+  [[nodiscard]] ShutterCorrection shutter_correction(const Frame& frame) const;
+  [[nodiscard]] ColorMoment moment_of(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
+
+  /// Pose relative to a keyframe, by features.
+  [[nodiscard]] std::optional<PnpPose> solve_keyframe_pnp(std::size_t keyframe, const Features& seen) const;
+  /// Guess from the keyframe with the most feature inliers, if any.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> estimate_pose_by_features(
+      const Features& seen, const std::vector<std::size_t>& keyframes) const;
+  /// The newest keyframes, newest first.
+  [[nodiscard]] std::vector<std::size_t> recent_keyframes() const;
+  /// Keyframes to compare a lost frame with: the most similar ones, and a rotating subset of the rest.
+  [[nodiscard]] std::vector<std::size_t> candidates(const Features& seen) const;
+
+  gpu::Device& device_;
+  Options options_;
+  Rig rig_;  // of the frames
+  const KeyframeDatabase& keyframes_;
+  const KeyframeStore& images_;
+  Raycaster raycaster_;
+  Aligner aligner_;
+  PhotometricKeyframe reference_;
+  Gyroscope gyroscope_;
+  Camera judged_;  // of the pyramid level for motion detection
+  gpu::Buffer verdicts_, moving_count_;
+  std::array<std::uint32_t, 1> moving_{};  // pixels of the coarsest level, valid after the device has finished
+  gpu::Kernel<shader::MovingJudgePush> judge_;
+  gpu::Kernel<shader::MovingMaskPush> mask_;
+  SurfacePrediction prediction_;  // of the alignment returned by track
+  State state_;
+};
+
+}  // namespace cairn

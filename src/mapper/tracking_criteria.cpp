@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "mapper/tracking_criteria.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kTypicalDepth = 1.5;  // m
+
+double angle_of(const Eigen::Isometry3d& motion) { return Eigen::AngleAxisd(motion.linear()).angle(); }
+
+}  // namespace
+
+double misfit(const Alignment& a) {
+  return a.fit.inlier_share * a.fit.rmse * a.fit.rmse + (1 - a.fit.inlier_share) * 9;
+}
+
+bool is_doubtful(const Alignment& a, double mean_photometric_rmse) {
+  return !a.converged() || misfit(a) > kRetryMisfit || a.fit.photometric_rmse > kRetryPhotometricRmse ||
+         a.fit.photometric_rmse > kRetryRmseRatio * mean_photometric_rmse;
+}
+
+bool is_better(const Alignment& a, const Alignment& b) {
+  if (!a.converged() || !b.converged()) return a.converged();
+  const bool compares_brightness = a.fit.photometric_share > 0 && b.fit.photometric_share > 0;
+  const auto cost = [&](const Alignment& x) {
+    const double brightness = compares_brightness ? x.fit.photometric_rmse / kTypicalPhotometricRmse : 0.0;
+    return misfit(x) / x.fit.overlap + brightness * brightness;
+  };
+  return cost(a) < kMaxCostRatio * cost(b);
+}
+
+bool is_static_pose(const Alignment& a, const Alignment& b) {
+  return is_better(a, b) && a.fit.photometric_rmse < kStaticRmseRatio * b.fit.photometric_rmse;
+}
+
+bool is_possible(const Eigen::Isometry3d& motion, double seconds, const MotionOptions& options) {
+  return motion.translation().norm() <= static_cast<double>(options.max_speed) * seconds &&
+         angle_of(motion) <= static_cast<double>(options.max_turn) * seconds;
+}
+
+double view_change(const Camera& camera, const Eigen::Isometry3d& motion) {
+  return camera.fx * (angle_of(motion) + motion.translation().norm() / kTypicalDepth) / camera.width;
+}
+
+bool is_near(const Alignment& a, const Eigen::Isometry3d& guess) {
+  const Eigen::Isometry3d motion = guess.inverse() * a.submap_from_camera;
+  return a.fit.inlier_share > kMinRelocalizedInliers && misfit(a) < kMaxRelocalizedMisfit &&
+         angle_of(motion) < kMaxGyroRotationError && motion.translation().norm() < kMaxGyroTranslationError;
+}
+
+bool is_certain(const Alignment& a) {
+  return a.converged() && a.fit.inlier_share > kMinRelocalizedInliers && a.fit.overlap > kMinRelocalizedOverlap &&
+         misfit(a) < kMaxRelocalizedMisfit && a.fit.unobserved == 0 &&
+         (a.fit.photometric_share == 0 || (a.fit.photometric_share > kMinRelocalizedPhotometricShare &&
+                                           a.fit.photometric_rmse < kRetryPhotometricRmse));
+}
+
+bool is_certain_in_place(const Alignment& a, int lost_frames) {
+  return is_certain(a) && (lost_frames <= kMaxLostFramesInPlace || a.fit.photometric_share > 0);
+}
+
+bool is_new_reference(const Eigen::Isometry3d& keyframe, const Eigen::Isometry3d& camera, const Alignment* a) {
+  const Eigen::Isometry3d motion = keyframe.inverse() * camera;
+  return motion.translation().norm() > kMaxReferenceDistance || angle_of(motion) > kMaxReferenceRotation ||
+         (a != nullptr && a->fit.photometric_share < kMinReferenceShare);
+}
+
+}  // namespace cairn
