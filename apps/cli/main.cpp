@@ -19,8 +19,8 @@
 #include "cli/help.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/json_text.hpp"
+#include "cli/old_names.hpp"
 #include "cli/version.hpp"
-#include "commands/old_names.hpp"
 
 namespace {
 

@@ -18,9 +18,9 @@
 #include "cairn/mapping/session.hpp"
 #include "cairn/mapping/trajectory.hpp"
 #include "cli/json_text.hpp"
+#include "cli/old_names.hpp"
 #include "cli/outputs.hpp"
 #include "cli/run.hpp"
-#include "commands/old_names.hpp"
 
 namespace cairn::apps {
 namespace {

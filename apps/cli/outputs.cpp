@@ -14,9 +14,9 @@
 #include "cairn/mapping/viewer.hpp"
 #include "cli/flags.hpp"
 #include "cli/json_text.hpp"
+#include "cli/old_names.hpp"
 #include "cli/output_folder.hpp"
 #include "cli/progress.hpp"
-#include "commands/old_names.hpp"
 
 namespace cairn::apps {
 namespace {

@@ -14,10 +14,10 @@
 #include "cli/inputs_and_outputs.hpp"
 #include "cli/json_text.hpp"
 #include "cli/map_info.hpp"
+#include "cli/old_names.hpp"
 #include "cli/plan_info.hpp"
 #include "cli/quantity.hpp"
 #include "cli/sources.hpp"
-#include "commands/old_names.hpp"
 
 namespace cairn::apps {
 namespace {

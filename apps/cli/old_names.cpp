@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "commands/old_names.hpp"
+#include "cli/old_names.hpp"
 
 #include <spdlog/spdlog.h>
 
