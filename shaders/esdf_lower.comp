@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// One step of the wave: the voxels of a list offer their nearest site to the neighbors on the far side. Neighbors for
-// which this site is nearer than their current site form the next list (vector propagation: Danielsson 1980).
+// Lower wavefront of the dynamic brushfire (Lau et al. 2013), one step: the voxels of a list offer their nearest site
+// to the neighbors on the far side. Neighbors for which this site is nearer than their current site form the next list
+// (vector propagation: Danielsson 1980).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Raise wave of Lau et al. 2013 in one step: voxels without a nearest site adopt the nearest of their neighbors' sites;
-// neighbors in the list are ignored.
+// Raise wavefront of the dynamic brushfire (Lau et al. 2013) in one step: voxels without a nearest site adopt the
+// nearest of their neighbors' sites; neighbors in the list are ignored.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/esdf.h"

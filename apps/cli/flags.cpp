@@ -13,7 +13,7 @@ constexpr std::array kFlags{
     Replacement{"SimplifyOptions::ratio", "--simplify"},
     Replacement{"SimplifyOptions::triangles", "--triangles"},
     Replacement{"SimplifyOptions::max_error", "--max-error"},
-    Replacement{"CleanOptions::min_piece", "--min-piece"},
+    Replacement{"CleanOptions::min_component", "--min-piece"},
     Replacement{"CleanOptions::min_weight", "--min-weight"},
     Replacement{"CleanOptions::fill_holes", "--fill-holes"},
     Replacement{"TextureOptions::enabled", "--texture"},

@@ -38,7 +38,7 @@ nlohmann::json to_json(const GravityAlignment& upright) {
   return {{"source", std::string(to_string(upright.source))},
           {"known", upright.known},
           {"turned_degrees", upright.rotation_angle() * 180 / std::numbers::pi},
-          {"words", with_flag_names(upright.words)}};
+          {"words", with_flag_names(upright.description)}};
 }
 
 nlohmann::json to_json(const Statistics& statistics) {

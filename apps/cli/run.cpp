@@ -338,16 +338,17 @@ void Run::interrupted_in(const char* stage) {
 Verdict Run::judge(int components) const {
   const FrameLog& frames = progressed_.frames;
   const GravityAlignment upright = mapper_->upright();
-  return evidence_.verdict(
-      {.total = frames.size() - held_out(),
-       .fused = frames.count("fused"),
-       .held_out = held_out(),
-       .components = components,
-       .focal = mapper_->statistics().focal,
-       .frame_rates = frame_rates_,
-       .upright_unknown = upright.source == GravityAlignment::Source::unknown ? with_flag_names(upright.words) : "",
-       .warnings = warnings_,
-       .poses = pose_check_});
+  return evidence_.verdict({.total = frames.size() - held_out(),
+                            .fused = frames.count("fused"),
+                            .held_out = held_out(),
+                            .components = components,
+                            .focal = mapper_->statistics().focal,
+                            .frame_rates = frame_rates_,
+                            .upright_unknown = upright.source == GravityAlignment::Source::unknown
+                                                   ? with_flag_names(upright.description)
+                                                   : "",
+                            .warnings = warnings_,
+                            .poses = pose_check_});
 }
 
 /// Compares the map with the frames. Optional: a mesh that cannot be read is judged without this comparison.

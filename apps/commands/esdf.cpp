@@ -228,7 +228,7 @@ bool EsdfQueries::add(Source source, Trajectory visited, bool always) {
   field_ = source.crop ? source.crop(field) : field;
   if (const GravityAlignment upright = source.map.upright(); costmap_ && !upright.known && voxels_ == 0)
     spdlog::warn("{}: may be tilted, since the gravity direction is {}", a_.costmaps[0].string(),
-                 with_flag_names(upright.words));
+                 with_flag_names(upright.description));
   seconds_ += seconds_since(start);
   for (const auto& [block, samples] : field_->blocks())
     voxels_ += static_cast<std::size_t>(

@@ -322,7 +322,7 @@ void add_export_options(CLI::App& command, MeshArguments& o) {
       ->excludes(ratio)
       ->excludes(max_error)
       ->group(kGroup);
-  option("--min-piece", o.clean.min_piece, "CleanOptions::min_piece", Unit::meters,
+  option("--min-piece", o.clean.min_component, "CleanOptions::min_component", Unit::meters,
          "Remove smaller floating components");
   option("--min-weight", o.clean.min_weight, "CleanOptions::min_weight", Unit::none,
          "Observations at 1 m; surface with less weight is removed");

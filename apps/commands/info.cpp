@@ -64,7 +64,7 @@ Json json_of(const SourceSummary& s) {
                              {"rotation", {q.x(), q.y(), q.z(), q.w()}}};
   }
   if (s.frames) j["frames"] = *s.frames;
-  j.update(Json{{"looked_at", s.looked_at},
+  j.update(Json{{"looked_at", s.inspected},
                 {"unreadable", s.unreadable},
                 {"seconds", s.seconds},
                 {"frames_per_second", s.rate},
@@ -104,7 +104,7 @@ void print(const SourceSummary& s, const std::vector<Interpretation>& interpreta
     fmt::print("{:<16}registered to depth\n", "color");
   }
   fmt::print("{:<16}{}, {:.1f} per second\n", "frames", s.frames ? std::to_string(*s.frames) : "unknown", s.rate);
-  fmt::print("{:<16}{} frames, {:.2f} s\n", "inspected", s.looked_at, s.seconds);
+  fmt::print("{:<16}{} frames, {:.2f} s\n", "inspected", s.inspected, s.seconds);
   fmt::print("{:<16}{:.2f} to {:.2f} m, median {:.2f} m; {:.0f} % of the pixels\n", "depth", s.nearest, s.farthest,
              s.median, 100 * s.measured_share);
   fmt::print("{:<16}with {} of these, {:+.1f} ms from depth\n", "color images", s.with_color, 1000 * s.color_delay);
@@ -137,7 +137,7 @@ void info(const Arguments& a) {
   if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) &&
       (std::filesystem::is_directory(a.sequence) || extension_of(a.sequence) == ".zip"))
     summary.with_pose =
-        std::max(summary.with_pose, std::min(summary.looked_at, static_cast<int>(recorded_truth(a.sequence).size())));
+        std::max(summary.with_pose, std::min(summary.inspected, static_cast<int>(recorded_truth(a.sequence).size())));
   const auto interpretations = interpretation_of(a.sequence, source_options(a.sequence, a.camera, a.topics));
   if (a.json) {
     Json json = json_of(summary);

@@ -29,11 +29,11 @@ function verdictLines({ verdict, warnings = [] }) {
   return [...words, ...lines.map((line) => element('div', { className: 'warning' }, line))];
 }
 
-/** Evidence of the verdict, doubts first. */
+/** Evidence of the verdict, weak items first. */
 function evidenceOf({ verdict }) {
-  const all = verdict?.evidence ?? [], doubts = all.filter((item) => item.verdict !== 'good'), rest = all.filter((item) => item.verdict === 'good');
+  const all = verdict?.evidence ?? [], weak = all.filter((item) => item.verdict !== 'good'), rest = all.filter((item) => item.verdict === 'good');
   if (all.length === 0) return [];
-  return [element('h2', {}, 'Evidence'), element('ul', { className: 'evidence' }, ...[...doubts, ...rest].map(({ text, verdict: level }) => element('li', { className: kLevels[level] ?? 'weak' }, text)))];
+  return [element('h2', {}, 'Evidence'), element('ul', { className: 'evidence' }, ...[...weak, ...rest].map(({ text, verdict: level }) => element('li', { className: kLevels[level] ?? 'weak' }, text)))];
 }
 
 function downloads(files) {

@@ -111,7 +111,10 @@ def views(
 
 @dataclass(frozen=True)
 class MapError:
-    """Errors of a map against an exactly known scene."""
+    """Errors of a map against the exact scene of a synthetic recording: result of map().
+
+    The C++ MapError compares a map with its own recording instead.
+    """
 
     trajectory: TrajectoryError
     mesh: MeshError

@@ -94,7 +94,7 @@ std::optional<ExportReport> export_file(GuardedMap& map, const fs::path& file, c
     else if (name == "cameras")
       o.cameras = value.cast<bool>();
     else if (name == "min_piece")
-      o.clean.min_piece = value.cast<float>();
+      o.clean.min_component = value.cast<float>();
     else if (name == "min_weight")
       o.clean.min_weight = value.cast<float>();
     else if (name == "fill_holes")

@@ -166,8 +166,10 @@ void add_map_reports(py::module_& m) {
           "world_from_tracked",
           [](const GravityAlignment& u) { return to_numpy(Eigen::Isometry3d(u.world_from_tracked)); },
           "(4, 4) float64: rotation from the tracking frame to the exported world.")
-      .def_readonly("words", &GravityAlignment::words, "Evidence, or the missing data and the remedy, in one line.")
-      .def("__repr__", [](const GravityAlignment& u) { return "GravityAlignment: " + u.words; });
+      .def_readonly("description", &GravityAlignment::description,
+                    "Evidence, or the missing data and the remedy, in one line.")
+      .def_readonly("words", &GravityAlignment::description, "Earlier name of description.")
+      .def("__repr__", [](const GravityAlignment& u) { return "GravityAlignment: " + u.description; });
 }
 
 }  // namespace

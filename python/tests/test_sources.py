@@ -88,7 +88,7 @@ def test_writes_other_layouts(here: Path, rig: cairn.Rig, scene: cairn.Scene, im
 
 def test_inspects_a_recording(recording: Path) -> None:
     summary = cairn.inspect(cairn.open(recording), 5)
-    assert summary.frames == FRAMES and summary.looked_at == 5 and summary.with_color == 5
+    assert summary.frames == FRAMES and summary.inspected == summary.looked_at == 5 and summary.with_color == 5
     assert 0.3 < summary.nearest < summary.median < summary.farthest < 6 and abs(summary.rate - 30) < 0.1
 
 

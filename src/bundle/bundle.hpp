@@ -181,8 +181,8 @@ class Bundle {
   [[nodiscard]] Equations linearize() const;
   [[nodiscard]] ByPlace linearize_by_places() const;
   [[nodiscard]] BundleCovariance covariance_of_views(const Solver& solver) const;
-  [[nodiscard]] double squared_pulls(const ByPlace& by, const Solver& solver,
-                                     const std::vector<Matrix6d>& covariance) const;
+  [[nodiscard]] double variance_factor(const ByPlace& by, const Solver& solver,
+                                       const std::vector<Matrix6d>& covariance) const;
   void move_surfels(const Equations& equations, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step);
   [[nodiscard]] bool move(const Equations& equations, double damping);
   void descend();

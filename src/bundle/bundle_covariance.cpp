@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Covariance of a bundle adjustment. The inverse of the normal equations gives the relative uncertainty of directions.
-// The overall scale is measured, since no model describes the correlation of neighbors' noise: in the end each place of
-// the scene still pulls the views to its own optimum, and these pulls are independent errors (a cluster-robust
-// variance: Liang & Zeger 1986).
+// Its scale, the variance factor, is measured, since no model describes the correlation of neighbors' noise. The
+// influence of a place is the change of the poses by its part of the gradient at the optimum. Influences of all places
+// nearly cancel; those of different places are independent errors (a cluster-robust variance: Liang & Zeger 1986).
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -17,9 +17,9 @@ namespace cairn {
 namespace {
 
 constexpr double kPlaceSize = 0.5;  // m; errors within a place are correlated
-// Errors of views in exact images, without contradictions (RMS over five sequences as in the test
-// Bundle.KeepsExactPoses).
-constexpr double kOwnTurn = 1.7e-5, kOwnMove = 3.6e-5;  // rad, m; about and along each axis
+// Standard deviations of a view in exact images, about and along each axis, added to the others (RMS over five
+// sequences as in the test Bundle.KeepsExactPoses).
+constexpr double kMinRotationSigma = 1.7e-5, kMinTranslationSigma = 3.6e-5;  // rad, m
 constexpr std::size_t kParts = 4;           // partial sums over places, added in a fixed order on every machine
 constexpr std::size_t kViewsPerSolve = 32;  // views
 
@@ -117,18 +117,18 @@ BundleCovariance Bundle::covariance_of_views(const Solver& solver) const {
   return all;
 }
 
-/// Mean squared pull of the places, normalized by the covariance that follows from the weights.
-double Bundle::squared_pulls(const ByPlace& by, const Solver& solver, const std::vector<Matrix6d>& covariance) const {
+/// Variance factor: mean squared influence of the places, normalized by the covariance that follows from the weights.
+double Bundle::variance_factor(const ByPlace& by, const Solver& solver, const std::vector<Matrix6d>& covariance) const {
   const Eigen::MatrixXd of_poses = by.right.topRows(solver.border.rows());
   Eigen::MatrixXd of_shared = by.right.bottomRows(solver.border.cols()) - solver.solved.transpose() * of_poses;
   solver.shared.solveInPlace(of_shared);
-  const Eigen::MatrixXd pulls = solver.poses.solve(of_poses) - solver.solved * of_shared;
+  const Eigen::MatrixXd influences = solver.poses.solve(of_poses) - solver.solved * of_shared;
   double squared = 0;
   for (std::size_t k = 1; k < views_.size(); ++k) {
-    const Eigen::MatrixXd of_view = pulls.middleRows<6>(static_cast<Eigen::Index>(6 * k));
+    const Eigen::MatrixXd of_view = influences.middleRows<6>(static_cast<Eigen::Index>(6 * k));
     squared += of_view.cwiseProduct(covariance[k].ldlt().solve(of_view)).sum();
   }
-  // The poses already follow each place in part, which reduces the visible pull.
+  // The poses already follow each place in part, which reduces its visible influence.
   double own_part = 0;
   for (const auto& place : by.of_views)
     for (const auto& [k, information] : place) {
@@ -146,13 +146,14 @@ std::optional<BundleCovariance> Bundle::covariance() const {
   const Solver solver(*this, by.equations, 0);
   if (!solver.has_solution) return std::nullopt;
   BundleCovariance all = covariance_of_views(solver);
-  const double scale = squared_pulls(by, solver, all.of_views);
-  Vector6d own;
-  own << Eigen::Vector3d::Constant(kOwnTurn * kOwnTurn), Eigen::Vector3d::Constant(kOwnMove * kOwnMove);
+  const double factor = variance_factor(by, solver, all.of_views);
+  Vector6d min_variances;
+  min_variances << Eigen::Vector3d::Constant(kMinRotationSigma * kMinRotationSigma),
+      Eigen::Vector3d::Constant(kMinTranslationSigma * kMinTranslationSigma);
   for (std::size_t k = 1; k < views_.size(); ++k) {
     for (auto* of : {&all.of_views, &all.of_steps}) {
-      (*of)[k] *= scale;
-      (*of)[k].diagonal() += own;
+      (*of)[k] *= factor;
+      (*of)[k].diagonal() += min_variances;
     }
   }
   all.of_surfels.resize(surfels_.size());

@@ -10,7 +10,7 @@
 #include <iterator>
 #include <sstream>
 
-#include "eval/doubts.hpp"
+#include "eval/verdict_items.hpp"
 #include "eval/view_step.hpp"
 #include "place/focal.hpp"
 
@@ -142,7 +142,7 @@ struct RunMonitor::State {
   void add_impossible(std::vector<std::string>& reasons, const RunSummary& o) const;
   void add_unseen(std::vector<std::string>& reasons) const;
   void add_motion(std::vector<std::string>& reasons, const FrameRates& frame_rates) const;
-  void add_doubts(Verdict& v, const RunSummary& o) const;
+  void add_items(Verdict& v, const RunSummary& o) const;
   void add_causes(std::vector<std::string>& reasons, const RunSummary& o) const;
   /// Reason for a wrong focal length, if the corners contradict it strongly.
   [[nodiscard]] std::optional<std::string> wrong_focal() const;
@@ -242,8 +242,8 @@ void RunMonitor::State::add_unseen(std::vector<std::string>& reasons) const {
     add_reason("too dark: most color images are nearly black: add light, or increase the exposure");
 }
 
-/// Doubts that do not depend on the number of frames in the map.
-void RunMonitor::State::add_doubts(Verdict& v, const RunSummary& o) const {
+/// Items that do not depend on the number of frames in the map; reasons from those that are not good.
+void RunMonitor::State::add_items(Verdict& v, const RunSummary& o) const {
   Measured all = measured;
   all.speeds = speeds;
   if (sums.frames > 0) all.with_color = share(sums.with_color, sums.frames);
@@ -404,7 +404,7 @@ Verdict RunMonitor::verdict(const RunSummary& o) const {
   if (in_map < kGood) {
     state_->add_unseen(reasons);
   }
-  state_->add_doubts(v, o);
+  state_->add_items(v, o);
   if (in_map < kGood) {
     state_->add_motion(reasons, o.frame_rates);
     state_->add_causes(reasons, o);

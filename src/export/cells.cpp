@@ -14,7 +14,7 @@ constexpr int kDefaultCellSide = 64, kTileSide = 32;  // bricks a side
 }  // namespace
 
 int Cells::margin(const CleanOptions& clean, float brick_size) {
-  return 2 + static_cast<int>(std::max(3 * clean.min_piece, clean.fill_holes) / brick_size);
+  return 2 + static_cast<int>(std::max(3 * clean.min_component, clean.fill_holes) / brick_size);
 }
 
 Cells::Cells(const std::vector<Brick>& bricks, float brick_size, bool as_tiles, const ExportOptions& options,

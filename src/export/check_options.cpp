@@ -28,7 +28,7 @@ constexpr Named kRanges[] = {
     {"SimplifyOptions::ratio", {0.0001, 1}},
     {"SimplifyOptions::triangles", {100, 4e9}},  // a room needs at least 100; indices have 32 bits
     {"SimplifyOptions::max_error", {0, 1}},
-    {"CleanOptions::min_piece", {0, 10}},
+    {"CleanOptions::min_component", {0, 10}},
     {"CleanOptions::min_weight", {0, 255}},
     {"CleanOptions::fill_holes", {0, 2}},
     {"TextureOptions::texel", {0, 1}},
@@ -79,7 +79,7 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
           "SimplifyOptions::triangles and SimplifyOptions::max_error exclude each other: give one");
   }
   check_range("SimplifyOptions::max_error", o.simplify.max_error);
-  check_range("CleanOptions::min_piece", o.clean.min_piece);
+  check_range("CleanOptions::min_component", o.clean.min_component);
   check_range("CleanOptions::min_weight", o.clean.min_weight);
   check_range("CleanOptions::fill_holes", o.clean.fill_holes);
   check_range("TextureOptions::texel", o.texture.texel);

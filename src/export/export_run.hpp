@@ -91,7 +91,7 @@ struct ExportRun {
   void refuse_empty(std::size_t left) const {
     if (left == 0)
       throw not_written(file,
-                        "no surface is left: the map is empty, or CleanOptions::min_piece, "
+                        "no surface is left: the map is empty, or CleanOptions::min_component, "
                         "CleanOptions::min_weight or SimplifyOptions::triangles removed all of it");
   }
   [[nodiscard]] GltfOptions gltf_options() const {

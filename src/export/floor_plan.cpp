@@ -210,8 +210,8 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
   check(options, file);
   if (input.map.bricks.empty()) throw not_written(file, "the map is empty: no frame was fused into it");
   if (!input.map.upright.known)
-    throw not_written(file,
-                      "the up axis is unknown, so the map cannot be cut horizontally: " + input.map.upright.words);
+    throw not_written(
+        file, "the up axis is unknown, so the map cannot be cut horizontally: " + input.map.upright.description);
   std::size_t done = 0, total = 2 * input.map.bricks.size();
   const auto progress_step = [&](const char* next) {
     return [&, next](std::size_t count) {

@@ -111,7 +111,7 @@ ExportProgress sub_progress(const ExportProgress& total, int begin, int end) {
   };
 }
 
-/// True if the map is made part by part: after corrections of its poses, a map may be larger than the memory.
+/// True if the map is made chunk by chunk: after corrections of its poses, a map may be larger than the memory.
 bool is_chunked(MapState& s) {
   s.back_end.finish_optimization();
   return !s.back_end.is_undeformed();
@@ -149,10 +149,10 @@ std::vector<plan::LoopLine> loop_lines(const MapState& s) {
 }
 
 /// Adds bricks in batches of kGridBatch.
-void add_parts(GridsWriter& writer, GlobalVolumeChunks& parts, std::vector<Brick> bricks, const LoadSubmap& load) {
+void add_batches(GridsWriter& writer, GlobalVolumeChunks& chunks, std::vector<Brick> bricks, const LoadSubmap& load) {
   std::sort(bricks.begin(), bricks.end(), before_in_grid);
   for (std::size_t i = 0; i < bricks.size(); i += kGridBatch)
-    writer.add(parts.make(std::span(bricks).subspan(i, std::min(kGridBatch, bricks.size() - i)), load));
+    writer.add(chunks.make(std::span(bricks).subspan(i, std::min(kGridBatch, bricks.size() - i)), load));
 }
 
 class MapperContents final : public MapContents {
@@ -238,8 +238,8 @@ void MapperContents::write_grids(const fs::path& file, Axes axes) {
     writer.add(tree);
     return writer.write(tree, field.get());
   }
-  GlobalVolumeChunks parts = chunks_of(s);
-  add_parts(writer, parts, parts.bricks(), s.back_end.load_submap());
+  GlobalVolumeChunks chunks = chunks_of(s);
+  add_batches(writer, chunks, chunks.bricks(), s.back_end.load_submap());
   writer.write(s.back_end.global_free_space(), nullptr);
 }
 
@@ -249,15 +249,15 @@ ExportReport MapperContents::export_mesh(const fs::path& file, const ExportOptio
   check(options, file);
   const KeyframeStore& images = s.images();
   images.wait();
-  const bool in_parts = is_chunked(s);
-  std::optional<GlobalVolumeChunks> parts;
-  std::optional<Volume> part;
-  if (in_parts) {
-    parts.emplace(chunks_of(s));
-    part.emplace(s.device, s.global_volume_options(), s.options.surface.max_depth);
+  const bool in_chunks = is_chunked(s);
+  std::optional<GlobalVolumeChunks> chunks;
+  std::optional<Volume> loaded;  // chunk loaded last
+  if (in_chunks) {
+    chunks.emplace(chunks_of(s));
+    loaded.emplace(s.device, s.global_volume_options(), s.options.surface.max_depth);
   }
-  ExportInput input{.bricks = in_parts ? parts->bricks() : s.volume.bricks(),
-                    .volume = in_parts ? *part : s.volume,
+  ExportInput input{.bricks = in_chunks ? chunks->bricks() : s.volume.bricks(),
+                    .volume = in_chunks ? *loaded : s.volume,
                     .load = {},
                     .polygonizer = s.polygonizer,
                     .rig = s.rig,
@@ -267,8 +267,8 @@ ExportReport MapperContents::export_mesh(const fs::path& file, const ExportOptio
                     .paths = {},
                     .upright = s.upright(),
                     .sigma = sigma()};
-  if (in_parts)
-    input.load = [&](std::span<const Brick> bricks) { part->adopt(parts->make(bricks, s.back_end.load_submap())); };
+  if (in_chunks)
+    input.load = [&](std::span<const Brick> bricks) { loaded->adopt(chunks->make(bricks, s.back_end.load_submap())); };
   for (int i = 0; i < s.recordings(); ++i) input.paths.push_back(s.trajectory(i));
   return export_surface(input, file, options, progress);
 }
@@ -277,8 +277,8 @@ ExportViewsReport MapperContents::export_views(const fs::path& folder, const Vie
                                                const ExportProgress& progress) {
   ExportViewsReport exported;
   check(options);
-  write_folder(folder, [&](const fs::path& part) {
-    exported.points = export_mesh(part / kViewPoints, {.point_spacing = options.point_spacing},
+  write_folder(folder, [&](const fs::path& staging) {
+    exported.points = export_mesh(staging / kViewPoints, {.point_spacing = options.point_spacing},
                                   sub_progress(progress, 0, kPointsPercent))
                           .points;
     const MapState& s = *state_;
@@ -289,7 +289,7 @@ ExportViewsReport MapperContents::export_views(const fs::path& folder, const Vie
                                    .keyframes = keyframes,
                                    .get_image = [&](std::size_t image) { return images.get(image); },
                                    .world_from_map = Eigen::Isometry3d(s.upright().world_from_tracked)},
-                                  part, options, sub_progress(progress, kPointsPercent, 100));
+                                  staging, options, sub_progress(progress, kPointsPercent, 100));
   });
   return exported;
 }
@@ -307,10 +307,10 @@ ExportedPlan MapperContents::export_plan(const fs::path& file, const PlanOptions
   return exported;
 }
 
-/// A map.vdb, or a part of it: without keyframes, poses or a device in use.
+/// A map.vdb, or the part of it in a box: without keyframes, poses or a device in use.
 class GridContents final : public MapContents {
  public:
-  /// `box`: range of a part, possibly without a surface.
+  /// `box`: range of the voxels of a part, possibly without a surface.
   GridContents(fs::path file, ReadGrids grids, const std::optional<BrickBox>& box, int device)
       : file_(std::move(file)), box_(box), device_index_(device), grids_(std::move(grids)) {
     fuse_.voxel_size = grids_.info.voxel_size;
@@ -438,15 +438,15 @@ void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::fu
                   .polygonizer = s.polygonizer,
                   .free = s.volume.on_host(),
                   .upright = s.upright()});
-  GlobalVolumeChunks parts = chunks_of(s, submaps);
-  Volume part(s.device, s.global_volume_options(), s.options.surface.max_depth);
+  GlobalVolumeChunks chunks = chunks_of(s, submaps);
+  Volume loaded(s.device, s.global_volume_options(), s.options.surface.max_depth);
   const BrickTree free = s.back_end.global_free_space(submaps);
-  visit({.bricks = parts.bricks(),
-         .volume = part,
+  visit({.bricks = chunks.bricks(),
+         .volume = loaded,
          .load =
              [&](std::span<const Brick> bricks) {
-               part.adopt(parts.make(bricks, s.back_end.load_submap()));
-               malloc_trim(0);  // limits memory growth from part to part
+               loaded.adopt(chunks.make(bricks, s.back_end.load_submap()));
+               malloc_trim(0);  // limits memory growth from chunk to chunk
              },
          .polygonizer = s.polygonizer,
          .free = free,
@@ -454,23 +454,23 @@ void look_at(MapState& s, const std::vector<std::size_t>* submaps, const std::fu
 }
 
 Mesh surface_of_block(MapState& s, const Eigen::Vector3i& block, const std::vector<std::size_t>& submaps) {
-  GlobalVolumeChunks parts = s.back_end.global_volume_chunks(s.device, &submaps);
-  Volume part(s.device, s.global_volume_options(), s.options.surface.max_depth);
-  const std::vector<Brick> bricks = within(parts.bricks(), Cells::box_of(block));
+  GlobalVolumeChunks chunks = s.back_end.global_volume_chunks(s.device, &submaps);
+  Volume loaded(s.device, s.global_volume_options(), s.options.surface.max_depth);
+  const std::vector<Brick> bricks = within(chunks.bricks(), Cells::box_of(block));
   if (bricks.empty()) return {};
-  part.adopt(parts.make(bricks, s.back_end.load_submap()));
-  return turned(s.polygonizer.polygonize(part, bricks), s.upright().world_from_tracked);
+  loaded.adopt(chunks.make(bricks, s.back_end.load_submap()));
+  return turned(s.polygonizer.polygonize(loaded, bricks), s.upright().world_from_tracked);
 }
 
 ExportReport export_block(MapState& s, const MapBlock& block, const fs::path& folder, const ExportOptions& options,
                           const ExportProgress& progress) {
   const fs::path file = folder / "tileset.json";
-  GlobalVolumeChunks parts = s.back_end.global_volume_chunks(s.device, &block.submaps);
-  Volume part(s.device, s.global_volume_options(), s.options.surface.max_depth);
+  GlobalVolumeChunks chunks = s.back_end.global_volume_chunks(s.device, &block.submaps);
+  Volume loaded(s.device, s.global_volume_options(), s.options.surface.max_depth);
   const BrickBox own = Cells::box_of(block.block);
-  const Brick margin = Brick::Constant(Cells::margin(options.clean, part.brick_size()));
+  const Brick margin = Brick::Constant(Cells::margin(options.clean, loaded.brick_size()));
   const BrickBox around(own.min() - margin, own.max() + margin);
-  std::vector<Brick> bricks = within(parts.bricks(), around);
+  std::vector<Brick> bricks = within(chunks.bricks(), around);
   const std::vector<Brick> inside = within(bricks, own);
   if (inside.empty()) throw not_written(file, "the map does not reach this cell");
 
@@ -482,7 +482,7 @@ ExportReport export_block(MapState& s, const MapBlock& block, const fs::path& fo
                                           .upright = s.upright(),
                                           .axes = Axes::world,
                                           .sigma = {}});
-  add_parts(writer, parts, inside, s.back_end.load_submap());
+  add_batches(writer, chunks, inside, s.back_end.load_submap());
   writer.write(free, nullptr);
 
   std::vector<TextureKeyframe> keyframes = texture_keyframes(s);
@@ -494,8 +494,8 @@ ExportReport export_block(MapState& s, const MapBlock& block, const fs::path& fo
   const SurfaceSigma unknown;
   return export_surface(
       {.bricks = std::move(bricks),
-       .volume = part,
-       .load = [&](std::span<const Brick> wanted) { part.adopt(parts.make(wanted, s.back_end.load_submap())); },
+       .volume = loaded,
+       .load = [&](std::span<const Brick> wanted) { loaded.adopt(chunks.make(wanted, s.back_end.load_submap())); },
        .polygonizer = s.polygonizer,
        .rig = s.rig,
        .surface = s.options.surface,
@@ -516,8 +516,8 @@ Map map_of_grids(const fs::path& vdb, int device) {
   return MapAccess::map_of(std::make_shared<GridContents>(vdb, read_grids(vdb), std::nullopt, device));
 }
 
-Map map_of_part(const fs::path& vdb, ReadGrids part, const BrickBox& box, int device) {
-  return MapAccess::map_of(std::make_shared<GridContents>(vdb, std::move(part), box, device));
+Map map_of_box(const fs::path& vdb, ReadGrids grids, const BrickBox& box, int device) {
+  return MapAccess::map_of(std::make_shared<GridContents>(vdb, std::move(grids), box, device));
 }
 
 Map Mapper::map() { return map_of(state_); }

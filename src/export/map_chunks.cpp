@@ -7,10 +7,10 @@
 
 namespace cairn {
 
-void MapChunks::load_around(const std::vector<Brick>& part) const {
+void MapChunks::load_around(const std::vector<Brick>& chunk) const {
   if (!load) return;
   std::unordered_set<Brick, BrickHash> around;
-  for (const Brick& brick : part)
+  for (const Brick& brick : chunk)
     for (int k = 0; k < 27; ++k)
       if (const Brick b = brick + Brick(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
           std::binary_search(bricks.begin(), bricks.end(), b, before))
@@ -25,14 +25,14 @@ std::vector<std::vector<Brick>> split_bricks(std::vector<Brick> bricks) {
   constexpr int kCellSide = 16;             // bricks a side of a cube processed together
   std::sort(bricks.begin(), bricks.end(),
             [](const Brick& a, const Brick& b) { return before_by_cell(a, b, kCellSide); });
-  std::vector<std::vector<Brick>> parts;
+  std::vector<std::vector<Brick>> chunks;
   for (std::size_t i = 0; i < bricks.size(); i += kMaxBricks) {
-    std::vector<Brick>& part =
-        parts.emplace_back(bricks.begin() + static_cast<std::ptrdiff_t>(i),
-                           bricks.begin() + static_cast<std::ptrdiff_t>(std::min(bricks.size(), i + kMaxBricks)));
-    std::sort(part.begin(), part.end(), before);
+    std::vector<Brick>& chunk =
+        chunks.emplace_back(bricks.begin() + static_cast<std::ptrdiff_t>(i),
+                            bricks.begin() + static_cast<std::ptrdiff_t>(std::min(bricks.size(), i + kMaxBricks)));
+    std::sort(chunk.begin(), chunk.end(), before);
   }
-  return parts;
+  return chunks;
 }
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Voxels of a map, loaded part by part for algorithms that never need all at once.
+// Voxels of a map, loaded chunk by chunk for algorithms that never need all at once.
 #pragma once
 #include <functional>
 #include <span>
@@ -21,11 +21,11 @@ struct MapChunks {
   GravityAlignment upright;  // rotation into the written world
 
   [[nodiscard]] float voxel_size() const { return volume.options().voxel_size; }
-  /// Loads the map's bricks in a list, and their neighbors.
-  void load_around(const std::vector<Brick>& part) const;
+  /// Loads the bricks of a chunk that the map has, and their neighbors.
+  void load_around(const std::vector<Brick>& chunk) const;
 };
 
-/// Splits bricks into sorted lists of nearby bricks, each of at most some thousand (32 MiB).
+/// Splits bricks into chunks: sorted lists of nearby bricks, each of at most some thousand (32 MiB).
 [[nodiscard]] std::vector<std::vector<Brick>> split_bricks(std::vector<Brick> bricks);
 
 }  // namespace cairn

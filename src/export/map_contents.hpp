@@ -69,6 +69,6 @@ ExportReport export_block(MapState& state, const MapBlock& block, const std::fil
 /// Opens a .vdb file written by write_grids. Throws std::runtime_error for any other file.
 [[nodiscard]] Map map_of_grids(const std::filesystem::path& vdb, int device);
 /// Map of the voxels in a box, read from such files, `vdb` among them.
-[[nodiscard]] Map map_of_part(const std::filesystem::path& vdb, ReadGrids part, const BrickBox& box, int device);
+[[nodiscard]] Map map_of_box(const std::filesystem::path& vdb, ReadGrids grids, const BrickBox& box, int device);
 
 }  // namespace cairn

@@ -66,22 +66,22 @@ std::optional<GravityEstimate> estimate_gravity(const GravityEvidence& evidence,
   if (up != Up::automatic)
     return GravityEstimate{.down = down_for(up, evidence.world_from_first_camera),
                            .source = GravityAlignment::Source::option,
-                           .words = up == Up::camera ? "up axis of the first camera image (Options::up)"
-                                                     : fmt::format("{} is up (Options::up)", to_string(up))};
+                           .description = up == Up::camera ? "up axis of the first camera image (Options::up)"
+                                                           : fmt::format("{} is up (Options::up)", to_string(up))};
   if (const auto measured = accelerometer_gravity(evidence.accelerations)) {
     const auto refined = refine_gravity(evidence.views, *measured);
     return GravityEstimate{.down = refined ? refined->down : *measured,
                            .source = GravityAlignment::Source::accelerometer,
-                           .words = refined ? "measured by the accelerometer, refined by floors and walls"
-                                            : "measured by the accelerometer"};
+                           .description = refined ? "measured by the accelerometer, refined by floors and walls"
+                                                  : "measured by the accelerometer"};
   }
   if (const auto voted = vote_gravity(evidence.views))
     return GravityEstimate{
         .down = voted->down,
         .source = GravityAlignment::Source::structure,
-        .words = fmt::format("estimated from floors and walls: {:.0f} % of the surface is horizontal, {:.0f} % "
-                             "vertical",
-                             100 * voted->horizontal, 100 * voted->vertical)};
+        .description = fmt::format("estimated from floors and walls: {:.0f} % of the surface is horizontal, {:.0f} % "
+                                   "vertical",
+                                   100 * voted->horizontal, 100 * voted->vertical)};
   return std::nullopt;
 }
 
@@ -93,30 +93,30 @@ GravityAlignment gravity_alignment_of(const GravityEstimate& found, const Gravit
   return {.source = found.source,
           .known = true,
           .world_from_tracked = rotation,
-          .words = found.words,
+          .description = found.description,
           .off = gravity_error(rotation, evidence)};
 }
 
 GravityAlignment given_gravity_alignment(const GravityEvidence& evidence) {
   GravityAlignment upright{.source = GravityAlignment::Source::poses,
-                           .words = {},
+                           .description = {},
                            .off = gravity_error(Eigen::Quaterniond::Identity(), evidence)};
   const auto found = estimate_gravity(evidence, Up::automatic);
   const std::optional<Up> up = found ? up_axis(found->down) : std::nullopt;
   upright.known = up == Up::minus_y;
   if (upright.known)
-    upright.words = "-y of the given poses' world is up, confirmed by floors and walls";
+    upright.description = "-y of the given poses' world is up, confirmed by floors and walls";
   else if (!found)
-    upright.words = "unknown: the given poses' world is not rotated; set its up axis with Options::up";
+    upright.description = "unknown: the given poses' world is not rotated; set its up axis with Options::up";
   else
-    upright.words =
+    upright.description =
         fmt::format("not along +y of the given poses' world, which is not rotated; align it with Options::up {}",
                     up ? to_string(*up) : "auto");
   return upright;
 }
 
 GravityAlignment unknown_gravity_alignment() {
-  return {.words =
+  return {.description =
               "unknown: no evidence from an accelerometer, floors or walls; the map keeps the first camera's up axis; "
               "set it with Options::up",
           .off = {}};

@@ -21,7 +21,7 @@ struct GravityEvidence {
 struct GravityEstimate {
   Eigen::Vector3d down = Eigen::Vector3d::UnitY();
   GravityAlignment::Source source = GravityAlignment::Source::unknown;
-  std::string words;
+  std::string description;  // see GravityAlignment
 };
 
 /// Gravity direction by `up`, or else from the accelerometer, or else from floors and walls. Empty without evidence.

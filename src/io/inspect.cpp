@@ -58,9 +58,9 @@ void add_frame(const Frame& frame, Statistics& statistics, SourceSummary& summar
 std::vector<std::string> find_doubts(const SourceSummary& s) {
   std::vector<std::string> doubts;
   const auto add = [&](std::string text) { doubts.push_back(std::move(text)); };
-  const int readable = s.looked_at - s.unreadable;
+  const int readable = s.inspected - s.unreadable;
   if (s.unreadable > 0)
-    add(fmt::format("{} of {} frames cannot be read: {}", s.unreadable, s.looked_at, s.first_problem));
+    add(fmt::format("{} of {} frames cannot be read: {}", s.unreadable, s.inspected, s.first_problem));
   if (readable == 0) return doubts;
   if (s.median > kMaxMedianDepth || (s.median > 0 && s.median < kMinMedianDepth))
     add(
@@ -88,10 +88,10 @@ SourceSummary inspect(Source& source, int frames) {
   summary.rig = source.rig();
   summary.frames = source.size();
   Statistics statistics;
-  while (summary.looked_at < frames) {
+  while (summary.inspected < frames) {
     const auto frame = source.next();
     if (!frame) break;
-    ++summary.looked_at;
+    ++summary.inspected;
     if (!frame->problem) {
       add_frame(*frame, statistics, summary);
     } else if (summary.unreadable++ == 0) {

@@ -108,7 +108,7 @@ Recording read_with_camera(const fs::path& folder, const fs::path& camera) {
 /// Adds the properties found in sample images but missing from the files.
 Recording analyze_recording(const fs::path& folder, const fs::path& camera) {
   Recording recording = read_with_camera(folder, camera);
-  analyze_images(recording);
+  infer_depth_format(recording);
   if (const PathKind kind = kind_of_path(folder);
       recording.camera_is_missing && kind.kind == PathKind::Kind::images_of_recording)
     throw std::runtime_error(kind.mismatch(folder, "recording of its own"));

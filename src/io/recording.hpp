@@ -45,7 +45,7 @@ struct Recording {
   std::filesystem::path camera_file;  // file already read into the rig by the layout's reader; empty: none
   bool is_plain = false;              // a user folder without a specific layout
   bool has_image_size = true;         // false: the images' size differs from the rig's
-  bool has_depth_scale = true;        // false: analyze_images() estimates depth_scale
+  bool has_depth_scale = true;        // false: infer_depth_format() estimates depth_scale
   double frame_rate = 0;              // Hz, used by the reader to convert frame numbers to times; 0: times are recorded
   std::vector<Interpretation> interpretations;
   std::vector<std::string> warnings, notes;  // found in the folder, a line each
@@ -93,7 +93,7 @@ void add_motion(const std::filesystem::path& folder, Recording& recording, doubl
 
 /// Samples some depth images to find a missing image size, unit and byte order. Scales the camera to the images' size,
 /// and sets `blocks`. Throws if the aspect ratios differ, or if no image is readable.
-void analyze_images(Recording& recording);
+void infer_depth_format(Recording& recording);
 /// Tolerance of the aspect ratio between images of the same shape, because sizes are rounded to whole pixels.
 inline constexpr double kMaxAspectError = 0.02;
 /// Returns the most common size among some color images; empty if none is readable.

@@ -18,30 +18,30 @@ SurfaceMatcher::SurfaceMatcher(gpu::Device& device, const Rig& rig, const Option
               options.track.finest_level),
       aligner_(device, options.track, rig.sensor) {}
 
-void SurfaceMatcher::set_from(const Frame& from) { view_.levels = first_.preprocess(from).levels; }
+void SurfaceMatcher::set_reference(const Frame& reference) { view_.levels = first_.preprocess(reference).levels; }
 
-std::optional<Match> SurfaceMatcher::match(const Frame& to, const Eigen::Isometry3d& guess) {
-  const Alignment a = aligner_.align(second_.preprocess(to), view_, guess);
+std::optional<Match> SurfaceMatcher::match(const Frame& query, const Eigen::Isometry3d& guess) {
+  const Alignment a = aligner_.align(second_.preprocess(query), view_, guess);
   if (!a.converged() || a.fit.inlier_share < kMinInliers || a.fit.overlap < kMinOverlap || a.fit.rmse > kMaxRmse ||
       a.fit.unobserved > 0)
     return std::nullopt;
-  // The alignment's information is for motions in the frame of `from`.
-  const Matrix6d from_to = adjoint(a.submap_from_camera);
-  return Match{.i_from_j = a.submap_from_camera,
-               .information = inflate_information(from_to.transpose() * a.information * from_to),
+  // The alignment's information is for motions in the frame of the reference.
+  const Matrix6d reference_by_query = adjoint(a.submap_from_camera);
+  return Match{.reference_from_query = a.submap_from_camera,
+               .information = inflate_information(reference_by_query.transpose() * a.information * reference_by_query),
                .inlier_share = a.fit.inlier_share,
                .rmse = a.fit.rmse};
 }
 
-std::optional<Match> SurfaceMatcher::match_symmetric(const Frame& from, const Frame& to,
+std::optional<Match> SurfaceMatcher::match_symmetric(const Frame& reference, const Frame& query,
                                                      const Eigen::Isometry3d& guess) {
-  set_from(from);
-  auto forward = match(to, guess);
+  set_reference(reference);
+  auto forward = match(query, guess);
   if (!forward) return std::nullopt;
-  set_from(to);
-  const auto backward = match(from, forward->i_from_j.inverse());
+  set_reference(query);
+  const auto backward = match(reference, forward->reference_from_query.inverse());
   if (!backward) return std::nullopt;
-  const Eigen::Isometry3d round_trip = forward->i_from_j * backward->i_from_j;
+  const Eigen::Isometry3d round_trip = forward->reference_from_query * backward->reference_from_query;
   if (round_trip.translation().norm() > kMaxTranslationDifference ||
       Eigen::AngleAxisd(round_trip.linear()).angle() > kMaxRotationDifference)
     return std::nullopt;

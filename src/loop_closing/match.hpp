@@ -16,8 +16,8 @@ constexpr std::size_t kMaxLoopCandidates = 3;  // keyframes per query to match b
 constexpr int kMinLoopInliers = 30;            // min. feature inliers for a dense alignment
 
 struct Match {
-  Eigen::Isometry3d i_from_j = Eigen::Isometry3d::Identity();
-  Matrix6d information = Matrix6d::Zero();  // inflated by inflate_information(), in the frame of `to`
+  Eigen::Isometry3d reference_from_query = Eigen::Isometry3d::Identity();
+  Matrix6d information = Matrix6d::Zero();  // inflated by inflate_information(), in the frame of the query
   double inlier_share = 0, rmse = 0;        // see Alignment
 };
 
@@ -26,12 +26,12 @@ class SurfaceMatcher {
  public:
   SurfaceMatcher(gpu::Device& device, const Rig& rig, const Options& options);
   /// Sets the reference frame.
-  void set_from(const Frame& from);
+  void set_reference(const Frame& reference);
   /// Empty if the frames have too little surface in common.
-  [[nodiscard]] std::optional<Match> match(const Frame& to, const Eigen::Isometry3d& guess);
+  [[nodiscard]] std::optional<Match> match(const Frame& query, const Eigen::Isometry3d& guess);
   /// Also aligns in the opposite direction and requires both results to agree, for an uncertain guess. Sets the
   /// reference frame.
-  [[nodiscard]] std::optional<Match> match_symmetric(const Frame& from, const Frame& to,
+  [[nodiscard]] std::optional<Match> match_symmetric(const Frame& reference, const Frame& query,
                                                      const Eigen::Isometry3d& guess);
 
  private:

@@ -65,14 +65,14 @@ std::vector<Loop> align_pairs(const std::vector<KeyframePair>& pairs, const Keyf
       found = matcher.match_symmetric(first, image(pair.to), pair.from_to);
       from.reset();
     } else {
-      if (from != pair.from) matcher.set_from(image(pair.from));
+      if (from != pair.from) matcher.set_reference(image(pair.from));
       from = pair.from;
       found = matcher.match(image(pair.to), pair.from_to);
     }
     if (!found) continue;
     loops.push_back({.edge = {.i = pair.from,
                               .j = pair.to,
-                              .i_from_j = found->i_from_j,
+                              .i_from_j = found->reference_from_query,
                               .information = found->information,
                               .is_loop_closure = true},
                      .feature_inliers = pair.feature_inliers,

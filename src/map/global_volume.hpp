@@ -38,7 +38,7 @@ struct ReachedCell {
 [[nodiscard]] std::vector<ReachedCell> reached_cells(const FuseOptions& options,
                                                      const std::vector<PlacedSubmap>& submaps, int side, int margin);
 
-/// The world in parts, to process all of it with bounded memory: the set of bricks is known, and each brick is merged
+/// The world in chunks, to process all of it with bounded memory: the set of bricks is known, and each brick is merged
 /// on demand from the submaps that overlap it.
 class GlobalVolumeChunks {
  public:

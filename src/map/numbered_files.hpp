@@ -38,26 +38,29 @@ class NumberedFiles {
   std::vector<ExternalRange> elsewhere_;
 };
 
-/// Map contained in another one: the keyframes and submaps with files in its run's folder.
-struct PartFiles {
+/// Files of a source map of a merged map: the folder of its run, and the ranges of its keyframes and submaps in the
+/// merged map.
+struct SourceMapFiles {
   std::filesystem::path folder;
   std::size_t first_keyframe = 0, keyframes = 0, first_submap = 0, submaps = 0;
 };
 
 /// Locations of a run's keyframes and of its submaps.
 [[nodiscard]] inline NumberedFiles keyframe_files(const std::filesystem::path& run,
-                                                  const std::vector<PartFiles>& parts = {}) {
+                                                  const std::vector<SourceMapFiles>& source_maps = {}) {
   constexpr const char* kFolder = "keyframes";
   std::vector<NumberedFiles::ExternalRange> elsewhere;
-  elsewhere.reserve(parts.size());
-  for (const PartFiles& part : parts) elsewhere.push_back({part.first_keyframe, part.keyframes, part.folder / kFolder});
+  elsewhere.reserve(source_maps.size());
+  for (const SourceMapFiles& source : source_maps)
+    elsewhere.push_back({source.first_keyframe, source.keyframes, source.folder / kFolder});
   return {run.empty() ? run : run / kFolder, std::move(elsewhere)};
 }
 [[nodiscard]] inline NumberedFiles submap_files(const std::filesystem::path& run,
-                                                const std::vector<PartFiles>& parts = {}) {
+                                                const std::vector<SourceMapFiles>& source_maps = {}) {
   std::vector<NumberedFiles::ExternalRange> elsewhere;
-  elsewhere.reserve(parts.size());
-  for (const PartFiles& part : parts) elsewhere.push_back({part.first_submap, part.submaps, part.folder});
+  elsewhere.reserve(source_maps.size());
+  for (const SourceMapFiles& source : source_maps)
+    elsewhere.push_back({source.first_submap, source.submaps, source.folder});
   return {run, std::move(elsewhere)};
 }
 

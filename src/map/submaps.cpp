@@ -131,7 +131,7 @@ std::shared_ptr<const BrickTree> Submaps::voxels(std::size_t i, const BrickBox& 
   return std::make_shared<const BrickTree>(open_file(i).read(box));
 }
 
-std::shared_ptr<const BrickTree> Submaps::free(std::size_t i) {
+std::shared_ptr<const BrickTree> Submaps::free_space(std::size_t i) {
   if (i + 1 == bricks_.size()) wait();
   last_use_[i] = ++use_;
   return voxels_[i] ? voxels_[i] : std::make_shared<const BrickTree>(open_file(i).read_free());

@@ -37,8 +37,8 @@ class Submaps {
   [[nodiscard]] const std::shared_ptr<const BrickSet>& bricks(std::size_t i) const;
   /// Voxels of a submap; if not in memory, those in the box, read from the file.
   [[nodiscard]] std::shared_ptr<const BrickTree> voxels(std::size_t i, const BrickBox& box);
-  /// A submap with all of its free space, and possibly its voxels.
-  [[nodiscard]] std::shared_ptr<const BrickTree> free(std::size_t i);
+  /// All free space of a submap; the tree may contain its voxels, too.
+  [[nodiscard]] std::shared_ptr<const BrickTree> free_space(std::size_t i);
   /// Writes all added submaps to files. Returns the reason if some could not be written; these stay in memory.
   [[nodiscard]] std::optional<std::string> store();
   [[nodiscard]] std::filesystem::path file(std::size_t i) const;

@@ -29,15 +29,15 @@ double milliseconds(std::chrono::steady_clock::time_point since) {
 }  // namespace
 
 BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files,
-                 Access access, const std::vector<PartFiles>& parts)
+                 Access access, const std::vector<SourceMapFiles>& source_maps)
     : device_(device),
       rig_(rig),
       options_(options),
       access_(access),
       matcher_(device, rig.depth, options),
       structure_(rig),
-      images_(rig, keyframe_files(files, parts), access),
-      submaps_(submap_files(files, parts), options.map.host_memory, access),
+      images_(rig, keyframe_files(files, source_maps), access),
+      submaps_(submap_files(files, source_maps), options.map.host_memory, access),
       database_(!files.empty() && access == Access::write ? files : std::filesystem::temp_directory_path()),
       global_volume_(device, options.fuse) {
   atlas_.up = options.up;
@@ -181,10 +181,10 @@ std::optional<Loop> BackEnd::verify(std::size_t to, const KeyframeStore& images,
     ++counts_.tried;
     if (!frame) frame = images.get(to);
     const auto match = matcher_.match_symmetric(images_.get(from), *frame, pnp.known_from_seen);
-    if (!match || !is_possible_pose(from, match->i_from_j)) continue;
+    if (!match || !is_possible_pose(from, match->reference_from_query)) continue;
     return Loop{.edge = {.i = from,
                          .j = to,
-                         .i_from_j = match->i_from_j,
+                         .i_from_j = match->reference_from_query,
                          .information = match->information,
                          .is_loop_closure = true},
                 .feature_inliers = pnp.inliers,
@@ -403,7 +403,7 @@ GlobalVolumeChunks BackEnd::global_volume_chunks(gpu::Device& device, const std:
 LoadFree BackEnd::load_free() {
   return [this](std::size_t i) {
     auto free = std::make_shared<const BrickTree>();
-    warnings_.attempt("its content is missing in the map", [&] { free = submaps_.free(i); });
+    warnings_.attempt("its content is missing in the map", [&] { free = submaps_.free_space(i); });
     return free;
   };
 }

@@ -21,10 +21,10 @@ namespace cairn {
 
 class BackEnd {
  public:
-  /// `files`: folder where keyframes and submaps are read and written; empty: all data stays in memory. `parts`: files
-  /// of other maps that this map consists of.
+  /// `files`: folder where keyframes and submaps are read and written; empty: all data stays in memory. `source_maps`:
+  /// files of the maps merged into this map.
   BackEnd(gpu::Device& device, const Rig& rig, const Options& options, const std::filesystem::path& files = {},
-          Access access = Access::write, const std::vector<PartFiles>& parts = {});
+          Access access = Access::write, const std::vector<SourceMapFiles>& source_maps = {});
 
   /// Adds a fused frame. The frame may become a keyframe, with a concurrent loop closure search among all earlier
   /// keyframes, and may end its submap. `information`: of its alignment with the map, in its own frame; null for the
@@ -69,7 +69,7 @@ class BackEnd {
   [[nodiscard]] std::vector<PlacedSubmap> placed_submaps(const std::vector<std::size_t>* only = nullptr) const;
   /// Updates the world with the ended submaps of the main component.
   GlobalVolume& global_volume();
-  /// The same world for export in parts. Submaps are released from memory. `only`: subset of submaps, sorted.
+  /// The same world for export in chunks. Submaps are released from memory. `only`: subset of submaps, sorted.
   [[nodiscard]] GlobalVolumeChunks global_volume_chunks(gpu::Device& device,
                                                         const std::vector<std::size_t>* only = nullptr);
   /// Free space of the same world, without voxels.

@@ -40,7 +40,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses kind, int device_index,
       integrator(device, preprocessor.camera(), o.surface, r.sensor, free_radius(o.fuse, o.esdf)),
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
-      back_end(device, r, o, files.folder, files.access, files.parts),
+      back_end(device, r, o, files.folder, files.access, files.source_maps),
       tracker(device, r, preprocessor.camera(), o, back_end.keyframes(), back_end.images()),
       poses(kind == Poses::tracked
                 ? PoseSource(std::in_place_type<TrackedPoses>, rig, preprocessor, volume, back_end, tracker, repeats)

@@ -27,8 +27,8 @@ namespace cairn {
 struct MapFiles {
   std::filesystem::path folder;  // empty: in memory
   Access access = Access::write;
-  std::shared_ptr<const void> hold;  // keeps the files alive
-  std::vector<PartFiles> parts;      // files of maps merged into this map
+  std::shared_ptr<const void> hold;         // keeps the files alive
+  std::vector<SourceMapFiles> source_maps;  // of the maps merged into this map
 };
 
 struct MapState {

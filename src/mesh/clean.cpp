@@ -47,16 +47,16 @@ bool lower_triangle(const Mesh& mesh, const std::array<std::uint32_t, 3>& a, con
 }
 
 std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts) {
-  const Components parts = connected_components(mesh, weld(mesh));
+  const Components components = connected_components(mesh, weld(mesh));
   struct Component {
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
     bool is_small = false;
     std::uint32_t lowest = kNone;  // lowest triangle, for small components
   };
-  std::vector<Component> all(parts.count);
+  std::vector<Component> all(components.count);
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    Component& component = all[parts.of_triangle[i]];
+    Component& component = all[components.of_triangle[i]];
     for (const std::uint32_t v : mesh.triangles[i]) {
       component.box.extend(mesh.positions[v]);
       component.weight += mesh.weights.empty() ? std::numeric_limits<float>::max() : mesh.weights[v];
@@ -66,10 +66,10 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
   for (Component& component : all) {
     const float size = component.box.diagonal().norm();
     const bool is_weak = component.weight < static_cast<double>(options.min_support) * component.corners;
-    component.is_small = size < options.min_piece || (size < 3 * options.min_piece && is_weak);
+    component.is_small = size < options.min_component || (size < 3 * options.min_component && is_weak);
   }
   for (std::uint32_t i = 0; i < mesh.triangles.size(); ++i) {
-    Component& component = all[parts.of_triangle[i]];
+    Component& component = all[components.of_triangle[i]];
     if (!component.is_small) continue;
     if (component.lowest == kNone || lower_triangle(mesh, mesh.triangles[i], mesh.triangles[component.lowest]))
       component.lowest = i;
@@ -78,7 +78,7 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
     return component.is_small && (!counts || counts(mesh.triangles[component.lowest]));
   });
   std::erase_if(mesh.triangles,
-                [&, i = std::size_t{0}](const auto&) mutable { return all[parts.of_triangle[i++]].is_small; });
+                [&, i = std::size_t{0}](const auto&) mutable { return all[components.of_triangle[i++]].is_small; });
   return static_cast<std::size_t>(removed);
 }
 

@@ -63,7 +63,7 @@ CellMap::CellMap(const fs::path& plan, const CellName& cell, double max_distance
 CellMap::CellMap(Surroundings surroundings)
     : cell_(surroundings.cell),
       voxel_size_(surroundings.grids.info.voxel_size),
-      map_(map_of_part(surroundings.file, std::move(surroundings.grids), surroundings.box, surroundings.device)),
+      map_(map_of_box(surroundings.file, std::move(surroundings.grids), surroundings.box, surroundings.device)),
       world_from_map_(map_.upright().world_from_tracked.cast<float>()) {}
 
 void CellMap::set_up_axis(Up up) {

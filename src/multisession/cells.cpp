@@ -152,7 +152,7 @@ WrittenCells write_cells(const fs::path& plan, MapState& state, const std::vecto
   return written;
 }
 
-MapBlock read_cell(const fs::path& plan, const CellName& cell, const std::vector<PartFiles>& parts) {
+MapBlock read_cell(const fs::path& plan, const CellName& cell, const std::vector<SourceMapFiles>& source_maps) {
   const fs::path file = cell_file(plan, cell);
   if (!fs::exists(file))
     throw std::runtime_error(
@@ -163,17 +163,17 @@ MapBlock read_cell(const fs::path& plan, const CellName& cell, const std::vector
     MapBlock block{.block = {cell[0], cell[1], cell[2]}, .submaps = {}, .keyframes = {}};
     for (const Json& of_map : json.at("made_of")) {
       const fs::path folder = (fs::absolute(plan) / of_map.at("map").get<std::string>()).lexically_normal();
-      const auto part = std::find_if(parts.begin(), parts.end(), [&](const PartFiles& p) {
+      const auto source = std::find_if(source_maps.begin(), source_maps.end(), [&](const SourceMapFiles& p) {
         return fs::absolute(p.folder).lexically_normal() == folder;
       });
-      if (part == parts.end()) throw std::runtime_error("refers to a map that is not part of this one");
+      if (source == source_maps.end()) throw std::runtime_error("refers to a map that is not part of this one");
       for (const std::size_t s : of_map.at("submaps")) {
-        if (s > part->submaps) throw std::runtime_error("refers to a missing submap");
-        block.submaps.push_back(part->first_submap + s);
+        if (s > source->submaps) throw std::runtime_error("refers to a missing submap");
+        block.submaps.push_back(source->first_submap + s);
       }
       for (const std::size_t k : of_map.at("keyframes")) {
-        if (k >= part->keyframes) throw std::runtime_error("refers to a missing keyframe");
-        block.keyframes.push_back(part->first_keyframe + k);
+        if (k >= source->keyframes) throw std::runtime_error("refers to a missing keyframe");
+        block.keyframes.push_back(source->first_keyframe + k);
       }
     }
     std::sort(block.submaps.begin(), block.submaps.end());

@@ -29,6 +29,6 @@ WrittenCells write_cells(const std::filesystem::path& plan, MapState& map, const
 
 /// Throws std::runtime_error if the cell does not exist or its file does not match the map in PLAN/session.
 [[nodiscard]] MapBlock read_cell(const std::filesystem::path& plan, const CellName& cell,
-                                 const std::vector<PartFiles>& parts);
+                                 const std::vector<SourceMapFiles>& source_maps);
 
 }  // namespace cairn

@@ -19,14 +19,14 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Index of the recording of a plan's map.
-std::size_t recording_of(const Project& plan, const PartFiles& map) {
+std::size_t recording_of(const Project& plan, const SourceMapFiles& map) {
   // PLAN/maps/017/session/run-0001
   const std::string name = map.folder.parent_path().parent_path().filename().string();
-  const auto part =
+  const auto segment =
       std::find_if(plan.segments.begin(), plan.segments.end(), [&](const auto& p) { return p.name == name; });
-  if (part == plan.segments.end())
+  if (segment == plan.segments.end())
     throw std::runtime_error(map.folder.string() + ": is not a part of the plan; run cairn optimize again");
-  return part->recording;
+  return segment->recording;
 }
 
 }  // namespace
@@ -56,12 +56,13 @@ ExportedChange export_change_since(const fs::path& folder, std::size_t recording
     throw std::runtime_error(
         fmt::format("{}: has no map yet; make it with cairn optimize {}", folder.string(), quoted(folder)));
   const auto state = open_session(folder / "session", device);
-  const std::vector<PartFiles>& parts = state->files.parts;
+  const std::vector<SourceMapFiles>& source_maps = state->files.source_maps;
   std::vector<std::size_t> earlier, later;
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    const std::size_t end = p + 1 < parts.size() ? parts[p + 1].first_submap : state->back_end.submaps().size();
-    auto& submaps = recording_of(plan, parts[p]) < recording ? earlier : later;
-    for (std::size_t s = parts[p].first_submap; s < end; ++s) submaps.push_back(s);
+  for (std::size_t p = 0; p < source_maps.size(); ++p) {
+    const std::size_t end =
+        p + 1 < source_maps.size() ? source_maps[p + 1].first_submap : state->back_end.submaps().size();
+    auto& submaps = recording_of(plan, source_maps[p]) < recording ? earlier : later;
+    for (std::size_t s = source_maps[p].first_submap; s < end; ++s) submaps.push_back(s);
   }
   for (const auto* submaps : {&earlier, &later})
     if (state->back_end.placed_submaps(submaps).empty())

@@ -132,25 +132,26 @@ ExportReport export_cell(const fs::path& plan, const std::array<int, 3>& cell, c
     throw std::runtime_error(
         fmt::format("{}: is not written: components and holes larger than {} m reach beyond the "
                     "margin of a cell; use a smaller size",
-                    folder.string(), ExportOptions{}.clean.min_piece));
-  const MapBlock block = read_cell(plan, cell, state->files.parts);
+                    folder.string(), ExportOptions{}.clean.min_component));
+  const MapBlock block = read_cell(plan, cell, state->files.source_maps);
   fs::create_directories(folder);
   return export_block(*state, block, folder, options, progress);
 }
 
 std::vector<SegmentSurface> segment_surfaces(const fs::path& plan, const std::array<int, 3>& cell, int device) {
   const auto state = open_session(session_of(plan), device);
-  const std::vector<PartFiles>& parts = state->files.parts;
-  const MapBlock block = read_cell(plan, cell, parts);
+  const std::vector<SourceMapFiles>& source_maps = state->files.source_maps;
+  const MapBlock block = read_cell(plan, cell, source_maps);
   std::vector<SegmentSurface> surfaces;
-  for (std::size_t p = 0; p < parts.size(); ++p) {
-    const std::size_t end = p + 1 < parts.size() ? parts[p + 1].first_submap : state->back_end.submaps().size();
+  for (std::size_t p = 0; p < source_maps.size(); ++p) {
+    const std::size_t end =
+        p + 1 < source_maps.size() ? source_maps[p + 1].first_submap : state->back_end.submaps().size();
     std::vector<std::size_t> own;
     std::copy_if(block.submaps.begin(), block.submaps.end(), std::back_inserter(own),
-                 [&](std::size_t s) { return parts[p].first_submap <= s && s < end; });
+                 [&](std::size_t s) { return source_maps[p].first_submap <= s && s < end; });
     if (own.empty()) continue;
     // PLAN/maps/017/session/run-0001
-    const std::string name = parts[p].folder.parent_path().parent_path().filename().string();
+    const std::string name = source_maps[p].folder.parent_path().parent_path().filename().string();
     surfaces.push_back({name, surface_of_block(*state, block.block, own)});
   }
   return surfaces;

@@ -98,7 +98,7 @@ void SessionMerger::add(const fs::path& session, std::size_t recording) {
   ReadSession read = read_session(session);
   SessionState& s = read.session;
   BackEnd::State& source = s.back_end;
-  if (!read.parts.empty()) throw std::runtime_error(session.string() + ": is a merged map; give its source maps");
+  if (!read.source_maps.empty()) throw std::runtime_error(session.string() + ": is a merged map; give its source maps");
   const bool is_first = maps_.empty();
   if (!is_first) check_alike({maps_[0].files.folder, state_.rig, state_.fuse}, {session, s.rig, s.fuse}, "merged");
   BackEnd::State& m = state_.back_end;
@@ -205,9 +205,9 @@ SessionMerger::Report SessionMerger::merge(std::size_t recordings, int device) {
     report.overlaps += static_cast<int>(edges.size());
   }
   const std::size_t before = atlas.loops.size();
-  std::vector<PartFiles> parts;
-  for (const Map& map : maps_) parts.push_back(map.files);
-  const KeyframeStore images(state_.rig, keyframe_files({}, parts), Access::read);
+  std::vector<SourceMapFiles> source_maps;
+  for (const Map& map : maps_) source_maps.push_back(map.files);
+  const KeyframeStore images(state_.rig, keyframe_files({}, source_maps), Access::read);
   FreeSpaceConflicts views = free_space_conflicts(state_.rig, images);
   (void)merge_components(atlas, loops_, views);
   const auto optimize_poses = [&] {
@@ -302,11 +302,11 @@ std::vector<std::optional<double>> SessionMerger::restore_poses(const ReadSessio
   Atlas& atlas = state_.back_end.atlas;
   std::vector<SameKeyframe> same;
   for (std::size_t m = 0; m < maps_.size(); ++m) {
-    const PartFiles& now = maps_[m].files;
-    const auto was = std::find_if(earlier.parts.begin(), earlier.parts.end(), [&](const PartFiles& p) {
+    const SourceMapFiles& now = maps_[m].files;
+    const auto was = std::find_if(earlier.source_maps.begin(), earlier.source_maps.end(), [&](const SourceMapFiles& p) {
       return fs::absolute(p.folder).lexically_normal() == now.folder.lexically_normal() && p.keyframes == now.keyframes;
     });
-    if (was == earlier.parts.end()) continue;
+    if (was == earlier.source_maps.end()) continue;
     for (std::size_t k = 0; k < now.keyframes; ++k)
       same.push_back({m, now.first_keyframe + k, before.world_from_camera[was->first_keyframe + k]});
   }
@@ -343,12 +343,12 @@ void SessionMerger::write(bool gather) {
   m.submap_since = state_.fused_count + 1;
   m.starts_component = true;
   state_.number = 1;
-  std::vector<PartFiles> parts;
-  for (const Map& map : maps_) parts.push_back(map.files);
+  std::vector<SourceMapFiles> source_maps;
+  for (const Map& map : maps_) source_maps.push_back(map.files);
   if (gather)
-    writer_.copy_files(state_, submap_files({}, parts), keyframe_files({}, parts));
+    writer_.copy_files(state_, submap_files({}, source_maps), keyframe_files({}, source_maps));
   else
-    writer_.set_parts(std::move(parts));
+    writer_.set_source_maps(std::move(source_maps));
   writer_.write(state_, {});
 }
 

@@ -46,7 +46,7 @@ class SessionMerger {
   [[nodiscard]] bool is_merged(std::size_t map) const;
 
   struct Map {
-    PartFiles files;
+    SourceMapFiles files;
     std::size_t recording = 0, frames = 0;
     std::size_t submaps = 0;  // including the submap written beside the map's own
     std::string id;           // see map_id()

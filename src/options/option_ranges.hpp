@@ -10,8 +10,8 @@ namespace cairn {
 
 /// Range of a member of Options, by its YAML name: `fuse.voxel_size`. Throws std::logic_error for an unknown name.
 [[nodiscard]] AllowedRange range_of(std::string_view option);
-/// Range of an export, plan or change option, by its C++ name: `CleanOptions::min_piece`. Throws std::logic_error for
-/// an unknown name.
+/// Range of an export, plan or change option, by its C++ name: `CleanOptions::min_component`. Throws std::logic_error
+/// for an unknown name.
 [[nodiscard]] AllowedRange export_range_of(std::string_view option);
 
 }  // namespace cairn

@@ -60,7 +60,7 @@ std::shared_ptr<MapState> restore(ReadSession& read, const Options& options, int
 std::shared_ptr<MapState> open_session(const fs::path& folder, int device) {
   const auto read = std::make_shared<ReadSession>(read_session(folder));
   return restore(*read, options_of(read->session), device,
-                 {.folder = read->files, .access = Access::read, .hold = read, .parts = read->parts});
+                 {.folder = read->files, .access = Access::read, .hold = read, .source_maps = read->source_maps});
 }
 
 class Session::State {
@@ -77,8 +77,8 @@ class Session::State {
     check(rig);
     check(options);
     if (options.esdf.live) (void)esdf_scale(options.fuse, options.esdf);
-    MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_, .parts = {}};
-    if (read_) files.parts = read_->parts;
+    MapFiles files{.folder = writer_->files(), .access = Access::write, .hold = writer_, .source_maps = {}};
+    if (read_) files.source_maps = read_->source_maps;
     if (!read_)
       return MapperAccess::mapper_of(
           std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
@@ -179,8 +179,9 @@ Session Session::resume(const fs::path& folder, bool keep_start) {
 Session Session::copy(const fs::path& from, const fs::path& to) {
   ReadSession read = read_session(from);
   auto writer = std::make_shared<SessionWriter>(to);
-  writer->copy_files(read.session, submap_files(read.files, read.parts), keyframe_files(read.files, read.parts));
-  read.parts.clear();  // all files are in this session now
+  writer->copy_files(read.session, submap_files(read.files, read.source_maps),
+                     keyframe_files(read.files, read.source_maps));
+  read.source_maps.clear();  // all files are in this session now
   return Session(std::make_unique<State>(to, std::move(writer), std::move(read)));
 }
 

@@ -145,15 +145,16 @@ FusedFrames read_frames(const fs::path& files, const std::vector<std::string>& n
 
 /// Resolves the folders of other maps, and locks them as long as `hold` lives. Throws std::runtime_error if a folder is
 /// missing.
-std::vector<PartFiles> find_parts(const fs::path& session, std::vector<PartFiles> parts, std::vector<FileLock>& hold) {
-  for (PartFiles& part : parts) {
-    part.folder = (session / part.folder).lexically_normal();
-    if (!fs::is_directory(part.folder))
-      throw std::runtime_error(part.folder.string() + ": is missing: a part of the map in " + session.string() +
+std::vector<SourceMapFiles> find_source_maps(const fs::path& session, std::vector<SourceMapFiles> source_maps,
+                                             std::vector<FileLock>& hold) {
+  for (SourceMapFiles& source : source_maps) {
+    source.folder = (session / source.folder).lexically_normal();
+    if (!fs::is_directory(source.folder))
+      throw std::runtime_error(source.folder.string() + ": is missing: a part of the map in " + session.string() +
                                " was rebuilt or removed: run cairn optimize again");
-    hold.push_back(*FileLock::take(part.folder, FileLock::Kind::shared, true));
+    hold.push_back(*FileLock::take(source.folder, FileLock::Kind::shared, true));
   }
-  return parts;
+  return source_maps;
 }
 
 [[noreturn]] void throw_damaged(const std::string& what) {
@@ -205,8 +206,8 @@ ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
   StateContents contents = read_contents(session, bytes);
   SessionState& s = contents.state.session;
   NamedFiles& named = contents.state.files;
-  std::vector<FileLock> hold_parts;
-  std::vector<PartFiles> parts = find_parts(session, std::move(named.parts), hold_parts);
+  std::vector<FileLock> hold_source_maps;
+  std::vector<SourceMapFiles> source_maps = find_source_maps(session, std::move(named.source_maps), hold_source_maps);
   try {
     BrickTree active = BrickFile(active_file(contents.files, s.number)).read();
     s.back_end.atlas.frames = read_frames(contents.files, named.frame_files, s.back_end.atlas);
@@ -218,8 +219,8 @@ ReadSession read_files(const fs::path& session, const CheckedBytes& bytes) {
             .keyframe_files = std::move(contents.keyframe_files),
             .loop_files = std::move(contents.loop_files),
             .frame_files = std::move(named.frame_files),
-            .parts = std::move(parts),
-            .hold_parts = std::move(hold_parts)};
+            .source_maps = std::move(source_maps),
+            .hold_source_maps = std::move(hold_source_maps)};
   } catch (const std::exception& error) {
     throw_damaged(error.what());
   }
@@ -317,9 +318,9 @@ SessionPictures read_pictures(const fs::path& session) {
                            .sensor = state.session.rig.sensor,
                            .keyframes = {},
                            .hold = std::move(contents.hold),
-                           .hold_parts = {}};
-  const auto parts = find_parts(session, std::move(state.files.parts), pictures.hold_parts);
-  pictures.keyframes = keyframe_files(contents.files, parts);
+                           .hold_source_maps = {}};
+  const auto source_maps = find_source_maps(session, std::move(state.files.source_maps), pictures.hold_source_maps);
+  pictures.keyframes = keyframe_files(contents.files, source_maps);
   for (const Keyframe& keyframe : state.session.back_end.atlas.keyframes)
     pictures.timestamps.push_back(keyframe.timestamp);
   return pictures;
@@ -351,7 +352,7 @@ SessionWriter::SessionWriter(fs::path session, const ReadSession& read, bool in_
       is_referenced_(!in_new_run),
       keyframe_files_(read.keyframe_files),
       loop_files_(read.loop_files),
-      parts_(read.parts) {
+      source_maps_(read.source_maps) {
   if (read_state(session_).checksum != read.checksum)
     throw std::runtime_error(session_.string() + ": another run wrote into it just now; try again");
   if (in_new_run) {
@@ -362,7 +363,7 @@ SessionWriter::SessionWriter(fs::path session, const ReadSession& read, bool in_
                                       .keyframe_files = names_of(read.keyframe_files),
                                       .loop_files = names_of(read.loop_files),
                                       .frame_files = read.frame_files,
-                                      .parts = {}});
+                                      .source_maps = {}});
   for (const fs::path& folder : {session_, files_, keyframe_files(files_).folder()}) remove_leftovers(folder);
 }
 
@@ -432,9 +433,9 @@ void SessionWriter::write(const SessionState& s, const BrickList& active) {
                    .keyframe_files = names_of(keyframes),
                    .loop_files = names_of(loops),
                    .frame_files = frames.names,
-                   .parts = parts_};
-  for (PartFiles& part : named.parts)
-    part.folder = fs::absolute(part.folder).lexically_proximate(fs::absolute(session_));
+                   .source_maps = source_maps_};
+  for (SourceMapFiles& source : named.source_maps)
+    source.folder = fs::absolute(source.folder).lexically_proximate(fs::absolute(session_));
   const CheckedBytes state = checked_file(json_of(s, named), kStateKind);
   try {
     write_whole(session_ / kState, state.bytes);

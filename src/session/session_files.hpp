@@ -4,8 +4,8 @@
 // run's own folder, `run-N/`, with `keyframes/` (images and corners), `submap-N.vdb`, `frames-N-I.cbor` (the frames'
 // poses, a thousand in each), `keyframes-N-I.cbor` and `loops-N-I.cbor` (keyframe and loop data, some hundred in each),
 // and `active-N.vdb`, the active volume. A new run has a new folder; the previous session stays complete until the
-// first checkpoint of the new run replaces it. A merged map (PartFiles) leaves images and submaps in the folders of its
-// source maps.
+// first checkpoint of the new run replaces it. A merged map (SourceMapFiles) leaves images and submaps in the folders
+// of its source maps.
 #pragma once
 #include <filesystem>
 #include <memory>
@@ -41,7 +41,7 @@ struct NamedFiles {
   std::string run;                            // folder of the files
   /// Full chunks of keyframes, loops and frames.
   std::vector<std::string> keyframe_files, loop_files, frame_files;
-  std::vector<PartFiles> parts;  // of other maps; folders relative to the session's
+  std::vector<SourceMapFiles> source_maps;  // folders relative to the session's
 };
 
 /// File with a chunk of a list, and the checksum of its contents.
@@ -71,8 +71,8 @@ struct ReadSession {
   FileLock hold;                // prevents writers from removing these files
   std::vector<ChunkFile> keyframe_files, loop_files;
   std::vector<std::string> frame_files;
-  std::vector<PartFiles> parts;
-  std::vector<FileLock> hold_parts;
+  std::vector<SourceMapFiles> source_maps;
+  std::vector<FileLock> hold_source_maps;
 };
 /// Reads a session. Changes no file, and is safe while another process writes there. Throws std::runtime_error with the
 /// cause (missing, damaged, written by another version) and the remedy.
@@ -84,7 +84,7 @@ struct SessionPictures {
   SensorModel sensor;
   NumberedFiles keyframes;  // named by color_file
   FileLock hold;            // prevents writers from removing the files
-  std::vector<FileLock> hold_parts;
+  std::vector<FileLock> hold_source_maps;
 };
 /// Reads no voxels and no frames. Throws like read_session.
 [[nodiscard]] SessionPictures read_pictures(const std::filesystem::path& session);
@@ -106,8 +106,8 @@ class SessionWriter {
   [[nodiscard]] const std::filesystem::path& files() const { return files_; }
   /// Copies a session's keyframes and submaps here, to resume from a copy. Entries without a folder are already here.
   void copy_files(const SessionState& session, const NumberedFiles& submaps, const NumberedFiles& keyframes) const;
-  /// Sets the other maps for later states to refer to.
-  void set_parts(std::vector<PartFiles> parts) { parts_ = std::move(parts); }
+  /// Sets the source maps that later states refer to.
+  void set_source_maps(std::vector<SourceMapFiles> source_maps) { source_maps_ = std::move(source_maps); }
   /// Writes the volume's bricks, new or changed chunks of keyframes, loops and frames, and finally the state, each
   /// atomically; a kill at any moment leaves either the previous session or this one. Then removes obsolete files.
   void write(const SessionState& state, const BrickList& active);
@@ -133,7 +133,7 @@ class SessionWriter {
   bool is_referenced_ = false;  // by state.cbor
   FrameFiles written_;          // of the last state, like the lists below
   std::vector<ChunkFile> keyframe_files_, loop_files_;
-  std::vector<PartFiles> parts_;
+  std::vector<SourceMapFiles> source_maps_;
 };
 
 /// Bytes of state.cbor, and the function to restore them: the session then returns to that state, whatever was written

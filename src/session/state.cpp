@@ -64,7 +64,7 @@ void fields(auto& io, Of<Keyframe> auto& k) {
   io.since(10, k.accelerations, k.structure);
 }
 
-void fields(auto& io, Of<FrozenGravity> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.words); }
+void fields(auto& io, Of<FrozenGravity> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.description); }
 
 void fields(auto& io, Of<Loop> auto& l) {
   io(l.edge.i, l.edge.j, l.edge.i_from_j, l.edge.information, l.edge.is_loop_closure, l.feature_inliers, l.inlier_share,
@@ -110,11 +110,11 @@ void fields(auto& io, SurfaceSigma& sigma) {
 
 void fields(auto& io, Of<GraphSnapshot> auto& b) { io(b.keyframes, b.loops, b.world_from_camera); }
 
-void fields(auto& io, const PartFiles& p) {
+void fields(auto& io, const SourceMapFiles& p) {
   io(p.folder.string(), p.first_keyframe, p.keyframes, p.first_submap, p.submaps);
 }
 
-void fields(auto& io, PartFiles& p) {
+void fields(auto& io, SourceMapFiles& p) {
   std::string folder;
   io(folder, p.first_keyframe, p.keyframes, p.first_submap, p.submaps);
   p.folder = folder;
@@ -156,7 +156,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<Nam
   io("mapper", s.fused_count, s.last_depth_hash, s.repeated_images, s.last_fused, Until<9, Eigen::Vector3d>{});
   io("number", s.number);
   io("run", files.run);
-  io.since(13, "parts", files.parts);
+  io.since(13, "parts", files.source_maps);
   io("note", s.note);
 }
 

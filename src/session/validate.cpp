@@ -168,13 +168,13 @@ void validate(const SessionState& s, std::size_t frames) {
 
 void validate(const NamedFiles& files, const BackEnd::State& map) {
   std::size_t keyframe = 0, submap = 0;
-  for (const PartFiles& part : files.parts) {
-    require(part.first_keyframe >= keyframe && part.first_submap >= submap, "parts of the map are out of order");
-    require(part.first_keyframe <= map.atlas.keyframes.size() && part.first_submap <= map.submaps.size() &&
-                part.keyframes <= map.atlas.keyframes.size() - part.first_keyframe &&
-                part.submaps <= map.submaps.size() - part.first_submap,
+  for (const SourceMapFiles& source : files.source_maps) {
+    require(source.first_keyframe >= keyframe && source.first_submap >= submap, "parts of the map are out of order");
+    require(source.first_keyframe <= map.atlas.keyframes.size() && source.first_submap <= map.submaps.size() &&
+                source.keyframes <= map.atlas.keyframes.size() - source.first_keyframe &&
+                source.submaps <= map.submaps.size() - source.first_submap,
             "a part of the map is missing");
-    keyframe = part.first_keyframe + part.keyframes, submap = part.first_submap + part.submaps;
+    keyframe = source.first_keyframe + source.keyframes, submap = source.first_submap + source.submaps;
   }
 }
 

@@ -22,9 +22,9 @@ namespace cairn {
 [[nodiscard]] float free_radius(const FuseOptions& fuse, const EsdfOptions& options);
 
 /// Euclidean signed distance field of a map, on the device. Each voxel stores its nearest site: a voxel crossed by the
-/// surface, with the surface position in it. An update finds the sites of changed bricks. A new site starts a wave that
-/// lowers the distances around it; distances from a removed or moved site are raised first (Lau et al. 2013, Oleynikova
-/// et al. 2017; the wave is vector propagation after Danielsson 1980).
+/// surface, with the surface position in it. An update finds the sites of changed bricks and runs the two wavefronts of
+/// the dynamic brushfire (Lau et al. 2013, Oleynikova et al. 2017): raise clears distances to removed or moved sites,
+/// lower propagates nearer sites (vector propagation: Danielsson 1980).
 class Esdf {
  public:
   /// Throws std::runtime_error unless the voxel size is 1, 2, 4 or 8 TSDF voxels. A field of more than `max_texels`

@@ -19,11 +19,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kCell = 8;  // bricks per side of the regions that are paged in successively; a region with its neighbors
-                          // fits into the smallest pool
+// Bricks per side of a region. Regions are paged in successively; a region with its neighbors fits into the smallest
+// pool. A cell is a cube of eight voxels, as in marching cubes.
+constexpr int kRegionBricks = 8;
 constexpr std::size_t kMaxBricks = 16384;  // per dispatch
 
-bool by_cell(const Brick& a, const Brick& b) { return before_by_cell(a, b, kCell); }
+bool by_region(const Brick& a, const Brick& b) { return before_by_cell(a, b, kRegionBricks); }
 
 Brick corner(std::uint32_t c) {
   return {static_cast<int>(c & 1), static_cast<int>(c >> 1 & 1), static_cast<int>(c >> 2)};
@@ -36,7 +37,7 @@ std::vector<Brick> with_neighbors(std::span<const Brick> bricks) {
     for (int x = -1; x <= 1; ++x)
       for (int y = -1; y <= 1; ++y)
         for (int z = -1; z <= 1; ++z) all.push_back(b + Brick(x, y, z));
-  std::sort(all.begin(), all.end(), by_cell);
+  std::sort(all.begin(), all.end(), by_region);
   all.erase(std::unique(all.begin(), all.end()), all.end());
   return all;
 }
@@ -62,7 +63,7 @@ Plan plan_for(std::span<const Brick> wanted, const std::function<bool(const Bric
         is_wanted[neighbor] = false;
   bricks.reserve(is_wanted.size());
   for (const auto& [brick, unused] : is_wanted) bricks.push_back(brick);
-  std::sort(bricks.begin(), bricks.end(), by_cell);
+  std::sort(bricks.begin(), bricks.end(), by_region);
   plan.makers = static_cast<std::size_t>(
       std::stable_partition(bricks.begin(), bricks.end(), [&](const Brick& b) { return is_wanted.at(b); }) -
       bricks.begin());
@@ -145,10 +146,10 @@ Mesh Polygonizer::polygonize(Volume& volume, std::span<const Brick> wanted,
   if (plan.bricks.empty()) return mesh;
   Work work(device_, plan);
   for (std::size_t begin = 0, end = 0; begin < plan.bricks.size(); begin = end) {
-    const Brick cell = cell_of(plan.bricks[begin], kCell);
+    const Brick region = cell_of(plan.bricks[begin], kRegionBricks);
     end = begin + 1;
     while (end < plan.bricks.size() && end - begin < kMaxBricks &&
-           (resident || cell_of(plan.bricks[end], kCell) == cell))
+           (resident || cell_of(plan.bricks[end], kRegionBricks) == region))
       ++end;
     if (!resident) {
       const std::vector<Brick> needed = with_neighbors(std::span(plan.bricks).subspan(begin, end - begin));

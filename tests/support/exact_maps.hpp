@@ -25,7 +25,7 @@ inline GravityAlignment gravity_alignment_of(const Eigen::Quaterniond& world_fro
   return {.source = GravityAlignment::Source::option,
           .known = true,
           .world_from_tracked = world_from_map,
-          .words = "given"};
+          .description = "given"};
 }
 
 /// Exact bricks near surfaces, and free bricks.

@@ -30,7 +30,16 @@ BrickTree distance_bricks(const FuseOptions& options, const Eigen::Vector3f& low
   return tree;
 }
 
-/// Fills a volume in the same way.
+/// Copy of a tree's voxels and free space.
+inline BrickList brick_list_of(const BrickTree& tree) {
+  BrickList list{.bricks = tree.bricks(), .voxels = {}, .free = tree.copy_free()};
+  list.voxels.resize(list.bricks.size());
+  for (std::size_t i = 0; i < list.bricks.size(); ++i)
+    std::copy_n(tree.find(list.bricks[i]), list.voxels[i].size(), list.voxels[i].begin());
+  return list;
+}
+
+/// Fills a volume in the same way as distance_bricks().
 template <class Distance>
 void fill(Volume& volume, const Eigen::Vector3f& low, const Eigen::Vector3f& high, const Distance& distance) {
   volume.adopt(distance_bricks(volume.options(), low, high, distance));

@@ -34,7 +34,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Small recording that returns to its start, its results, and an older map.
-class HardTimes : public testing::Test {
+class DisturbedRun : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder = new TemporaryFolder;
@@ -71,9 +71,9 @@ class HardTimes : public testing::Test {
   static TemporaryFolder* folder;
   TemporaryFolder out;
 };
-TemporaryFolder* HardTimes::folder = nullptr;
+TemporaryFolder* DisturbedRun::folder = nullptr;
 
-class Faults : public HardTimes {
+class Faults : public DisturbedRun {
  protected:
   [[nodiscard]] std::string disk(const fs::path& watched, int at, const std::string& kind) const {
     return "CAIRN_FAULTS_FOLDER='" + watched.string() + "' CAIRN_FAULTS_AT=" + std::to_string(at) +
@@ -287,7 +287,7 @@ TEST_F(Faults, ALogThatCannotBeWrittenEndsAndTheMapGoesOn) {
   }
 }
 
-TEST_F(HardTimes, ARunThatGoesOnLeavesTheLogOfTheOneBefore) {
+TEST_F(DisturbedRun, KeepsTheLogOfThePreviousRunIfResumed) {
   const fs::path log = out / "x.mcap";
   ASSERT_EQ(run_cairn(reconstruct("rec", out / "map", {"--log", log.string()})).exit_code, 0);
   const std::string before = read_bytes(log);
@@ -343,7 +343,7 @@ TEST_F(Faults, AFileIsOnTheDiskBeforeItHasItsName) {
     }
 }
 
-class Kills : public HardTimes {
+class Kills : public DisturbedRun {
  protected:
   /// Runs the program and kills it after `seconds`. Returns its exit code, or nullopt if killed.
   static std::optional<int> run_and_kill(const std::vector<std::string>& arguments, double seconds,

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-class Stands : public testing::Test {
+class UprightMap : public testing::Test {
  protected:
   [[nodiscard]] std::string to(const std::string& name) const { return (out / name).string(); }
   [[nodiscard]] static nlohmann::json report_of(const fs::path& map) {
@@ -42,7 +42,7 @@ double tilt(const fs::path& trajectory, const Scene& scene) {
   return std::acos(std::min(1.0, (first * scene.world_from_camera(0).linear().transpose()).col(1).y()));
 }
 
-TEST_F(Stands, ARoomWithoutAnAccelerometerByItsFloorAndWalls) {
+TEST_F(UprightMap, IsAlignedByFloorAndWallsWithoutAccelerometer) {
   write_small_recording(out / "room", {.frames = 40});
   const Ran ran = run_cairn(reconstruct("room", "map"));
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
@@ -73,7 +73,7 @@ TEST_F(Stands, ARoomWithoutAnAccelerometerByItsFloorAndWalls) {
   for (const auto& p : from_grids.positions) near += std::abs(scene.distance(scene_from_map * p.cast<double>())) < 0.03;
   EXPECT_GT(static_cast<double>(near), 0.9 * static_cast<double>(from_grids.positions.size()));
 
-  // A settled direction stays, also after a resume.
+  // A frozen direction stays, also after a resume.
   const std::string trajectory = read_bytes(out / "map" / "trajectory.txt"),
                     grids = read_bytes(out / "map" / "map.vdb");
   ASSERT_EQ(run_cairn(reconstruct("room", "map", {"--resume"})).exit_code, 0);
@@ -86,11 +86,11 @@ TEST_F(Stands, ARoomWithoutAnAccelerometerByItsFloorAndWalls) {
   const Eigen::Isometry3d first = read_trajectory(out / "map" / "trajectory.txt").front().world_from_camera;
   EXPECT_TRUE(first.isApprox(Eigen::Isometry3d::Identity(), 1e-6));
   ASSERT_EQ(run_cairn(reconstruct("room", "map", {"--resume", "--up=-z"})).exit_code, 0);
-  const Eigen::Isometry3d lies = read_trajectory(out / "map" / "trajectory.txt").front().world_from_camera;
-  EXPECT_LT((lies.linear() * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), 1e-6);
+  const Eigen::Isometry3d rotated = read_trajectory(out / "map" / "trajectory.txt").front().world_from_camera;
+  EXPECT_LT((rotated.linear() * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), 1e-6);
 }
 
-TEST_F(Stands, APlaneAsItsCameraWasHeldAndItSaysSo) {
+TEST_F(UprightMap, ReportsUnknownGravityOfAPlane) {
   write_small_recording(out / "plane", {.frames = 12, .scene = "plane"});
   const Ran ran = run_cairn(reconstruct("plane", "map"));
   ASSERT_EQ(ran.exit_code, 0) << ran.err;
@@ -107,7 +107,7 @@ TEST_F(Stands, APlaneAsItsCameraWasHeldAndItSaysSo) {
   EXPECT_NE(cut.err.find("--up"), std::string::npos) << cut.err;
 }
 
-TEST_F(Stands, RefusesAWayUpThatIsNone) {
+TEST_F(UprightMap, RefusesAnInvalidUpAxis) {
   const Ran ran = run_cairn({"reconstruct", "synthetic:room", "-o", to("map"), "--up", "sideways"});
   EXPECT_EQ(ran.exit_code, 2);
   EXPECT_NE(ran.err.find("camera"), std::string::npos) << ran.err;
@@ -142,7 +142,7 @@ struct Costmap {
   std::string cells;
 };
 
-TEST_F(Stands, AMapOfGivenPosesWhenItIsExportedIfNotBefore) {
+TEST_F(UprightMap, OfGivenPosesIsTheSameIfAlignedAtExport) {
   constexpr int kFrames = 30;
   const Scene scene = synthetic_scene("room");
   write_small_recording(out / "room", {.frames = kFrames, .speed = 3});
@@ -151,13 +151,13 @@ TEST_F(Stands, AMapOfGivenPosesWhenItIsExportedIfNotBefore) {
   Trajectory poses;
   for (int i = 0; i < kFrames; ++i) poses.push_back({i / 30.0, z_up * scene.world_from_camera(3 * i / 30.0)});
   write_trajectory(out / "poses.txt", poses);
-  const Ran lies = run_cairn(reconstruct("room", "lies", {"--poses", to("poses.txt")}));
-  ASSERT_EQ(lies.exit_code, 0) << lies.err;
-  EXPECT_NE(lies.out.find("--up z"), std::string::npos) << lies.out;
-  EXPECT_NE(read_bytes(out / "lies" / "mesh.glb").find("\"up_axis\":\"unknown\""), std::string::npos);
-  ASSERT_EQ(run_cairn(reconstruct("room", "stands", {"--poses", to("poses.txt"), "--up", "z"})).exit_code, 0);
+  const Ran unaligned = run_cairn(reconstruct("room", "unaligned", {"--poses", to("poses.txt")}));
+  ASSERT_EQ(unaligned.exit_code, 0) << unaligned.err;
+  EXPECT_NE(unaligned.out.find("--up z"), std::string::npos) << unaligned.out;
+  EXPECT_NE(read_bytes(out / "unaligned" / "mesh.glb").find("\"up_axis\":\"unknown\""), std::string::npos);
+  ASSERT_EQ(run_cairn(reconstruct("room", "aligned", {"--poses", to("poses.txt"), "--up", "z"})).exit_code, 0);
 
-  const auto made_of = [&](const std::string& map, const std::vector<std::string>& more) {
+  const auto exported = [&](const std::string& map, const std::vector<std::string>& more) {
     const auto run = [&](std::vector<std::string> arguments) {
       arguments.insert(arguments.end(), more.begin(), more.end());
       const Ran ran = run_cairn(arguments);
@@ -168,21 +168,21 @@ TEST_F(Stands, AMapOfGivenPosesWhenItIsExportedIfNotBefore) {
     run({"esdf", to(map), "--costmap", to(map + ".yaml"), "--height", "-0.8:0.4"});
     return std::pair(read_mesh(out / (map + ".glb")), read_bytes(out / (map + ".pgm")));
   };
-  const auto [turned, turned_costmap] = made_of("lies", {"--up", "z"});
-  const auto [stood, stood_costmap] = made_of("stands", {});
-  ASSERT_EQ(turned.positions.size(), stood.positions.size());
-  float apart = 0;
-  for (std::size_t i = 0; i < stood.positions.size(); ++i)
-    apart = std::max(apart, (turned.positions[i] - stood.positions[i]).norm());
-  EXPECT_LT(apart, 1e-4f);  // meters
-  EXPECT_TRUE(turned_costmap == stood_costmap);
+  const auto [at_export, costmap_at_export] = exported("unaligned", {"--up", "z"});
+  const auto [before, costmap_before] = exported("aligned", {});
+  ASSERT_EQ(at_export.positions.size(), before.positions.size());
+  float distance = 0;
+  for (std::size_t i = 0; i < before.positions.size(); ++i)
+    distance = std::max(distance, (at_export.positions[i] - before.positions[i]).norm());
+  EXPECT_LT(distance, 1e-4f);  // meters
+  EXPECT_TRUE(costmap_at_export == costmap_before);
 
-  const Ran asked = run_cairn({"export", to("lies/map.vdb"), "-o", to("x.glb"), "--up", "auto"});
+  const Ran asked = run_cairn({"export", to("unaligned/map.vdb"), "-o", to("x.glb"), "--up", "auto"});
   EXPECT_EQ(asked.exit_code, 1);
   EXPECT_NE(asked.err.find("give the axis that points up"), std::string::npos) << asked.err;
 }
 
-TEST_F(Stands, ATiltedFlatWhoseCostmapIsThatOfTheUprightOne) {
+TEST_F(UprightMap, OfATiltedFlatHasTheCostmapOfTheUprightOne) {
   constexpr int kFrames = 60;
   const Scene scene = synthetic_scene("flat");
   write_small_recording(out / "flat", {.frames = kFrames, .speed = 3, .scene = "flat"});

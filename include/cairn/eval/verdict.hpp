@@ -41,7 +41,7 @@ struct RunSummary {
 struct Verdict {
   enum class Level {
     good,  ///< at least 95 % of the frames are in the map, and no measurement contradicts it
-    weak,  ///< fewer frames, or warnings or doubts: see Item
+    weak,  ///< fewer frames, a warning, or an Item that is not good
     bad    ///< less than 80 %, several components, or given poses contradicted by most of the depth
   };
   /// A measurement and its limit.
@@ -50,7 +50,7 @@ struct Verdict {
     double value = 0, limit = 0;  ///< in `unit`
     std::string unit;             ///< `%`, `m/s`, ...
     Level level = Level::good;    ///< level of this measurement alone
-    std::string text;             ///< one line; for a doubt with the remedy, and repeated in `reasons`
+    std::string text;             ///< one line; if not good, with the remedy, and repeated in `reasons`
   };
   Level level = Level::good;
   std::string words;                 ///< one sentence

@@ -16,7 +16,7 @@ struct SourceSummary {
   std::string layout;  ///< see Source::layout()
   Rig rig;
   std::optional<int> frames;        ///< all frames of the source; nullopt if unknown
-  int looked_at = 0;                ///< number of inspected frames, from the first
+  int inspected = 0;                ///< number of inspected frames, from the first
   int unreadable = 0;               ///< unreadable frames among the inspected ones
   std::string first_problem;        ///< problem of the first unreadable frame
   double seconds = 0;               ///< from the first to the last inspected frame

@@ -12,9 +12,9 @@ namespace cairn {
 
 /// Mesh cleaning: removed components and filled holes.
 struct CleanOptions {
-  float min_piece = 0.1f;  ///< meters; components with a shorter bounding box diagonal are removed
+  float min_component = 0.1f;  ///< meters; components with a shorter bounding box diagonal are removed
   float min_support =
-      2.0f;  ///< observations at 1 m; components up to 3 * min_piece with a lower mean weight are removed
+      2.0f;  ///< observations at 1 m; components up to 3 * min_component with a lower mean weight are removed
   float min_weight = 0.0f;  ///< observations at 1 m; surface below it is removed, in addition to
                             ///< FuseOptions::min_mesh_weight
   float fill_holes = 0.0f;  ///< meters; holes with a shorter bounding box diagonal are closed; 0: none

@@ -39,7 +39,7 @@ struct GravityAlignment {
   bool known = false;  ///< true: gravity is along +y of the exported world
   /// Rotation from the tracking frame, or the world of the given poses, to the exported world.
   Eigen::Quaterniond world_from_tracked = Eigen::Quaterniond::Identity();
-  std::string words;          ///< one line for users: the evidence, or the missing data and the remedy
+  std::string description;    ///< one line for users: the evidence, or the missing data and the remedy
   std::optional<double> off;  ///< radians between +y and the gravity measured by the accelerometer
 
   /// Rotation angle, radians.

@@ -137,14 +137,6 @@ void BrickTree::visit(const std::function<void(const Eigen::Vector3i&)>& visit) 
   for (auto leaf = state_->tree->cbeginLeaf(); leaf; ++leaf) visit(brick_at(leaf->origin()));
 }
 
-BrickList list_of(const BrickTree& tree) {
-  BrickList list{.bricks = tree.bricks(), .voxels = {}, .free = tree.copy_free()};
-  list.voxels.resize(list.bricks.size());
-  for (std::size_t i = 0; i < list.bricks.size(); ++i)
-    std::memcpy(list.voxels[i].data(), tree.find(list.bricks[i]), sizeof(BrickVoxels));
-  return list;
-}
-
 BrickTree tree_of(const BrickList& list) {
   BrickTree tree = list.free.copy_free();
   for (std::size_t i = 0; i < list.bricks.size(); ++i) tree.put(list.bricks[i], list.voxels[i]);

@@ -90,7 +90,6 @@ struct BrickList {
   BrickTree free;                       // free space only, without voxels
 };
 
-[[nodiscard]] BrickList list_of(const BrickTree& tree);
 [[nodiscard]] BrickTree tree_of(const BrickList& list);
 
 }  // namespace cairn

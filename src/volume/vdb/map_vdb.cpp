@@ -32,7 +32,8 @@ using namespace vdb;
 namespace {
 
 constexpr const char* kAxes = "axes";
-constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known", *kUpWords = "up";  // metadata of the map's grids
+constexpr const char *kUpSource = "up_source", *kUpKnown = "up_known",
+                     *kUpDescription = "up";    // metadata of the map's grids
 constexpr std::size_t kLeavesInMemory = 16384;  // of a file read in parts: 64 MiB for two grids
 
 /// Maps index (i, j, k) to the point turn * (origin + voxel_size * (i, j, k)).
@@ -205,20 +206,20 @@ Eigen::Quaterniond world_from_grid(const openvdb::FloatGrid& grid) {
 /// Gravity direction from the metadata of a map's grid; unknown in files of other programs or of early versions.
 GravityAlignment upright_of(const openvdb::FloatGrid& tsdf) {
   GravityAlignment upright{
-      .world_from_tracked = world_from_grid(tsdf), .words = "not known: the file does not store it", .off = {}};
+      .world_from_tracked = world_from_grid(tsdf), .description = "not known: the file does not store it", .off = {}};
   const auto source = tsdf.getMetadata<openvdb::StringMetadata>(kUpSource);
   const auto known = tsdf.getMetadata<openvdb::BoolMetadata>(kUpKnown);
-  const auto words = tsdf.getMetadata<openvdb::StringMetadata>(kUpWords);
-  if (!source || !known || !words) return upright;
+  const auto description = tsdf.getMetadata<openvdb::StringMetadata>(kUpDescription);
+  if (!source || !known || !description) return upright;
   using Source = GravityAlignment::Source;
   for (const auto s : {Source::accelerometer, Source::structure, Source::option, Source::poses})
     if (source->value() == to_string(s)) upright.source = s;
   upright.known = known->value() && upright.source != Source::unknown;
-  const std::string& text = words->value();  // Cairn writes printable ASCII only
+  const std::string& text = description->value();  // Cairn writes printable ASCII only
   constexpr std::size_t kMaxLength = 300;
   const bool is_plain = text.size() < kMaxLength &&
                         std::all_of(text.begin(), text.end(), [](unsigned char c) { return c >= ' ' && c < 127; });
-  upright.words = is_plain ? text : shown(text);
+  upright.description = is_plain ? text : shown(text);
   return upright;
 }
 
@@ -330,7 +331,7 @@ void GridsWriter::write(const BrickTree& free, const DistanceField* distances) {
       tsdf->insertMeta(kAxes, openvdb::StringMetadata(described(s.info.axes)));
       tsdf->insertMeta(kUpSource, openvdb::StringMetadata(std::string(to_string(s.info.upright.source))));
       tsdf->insertMeta(kUpKnown, openvdb::BoolMetadata(s.info.upright.known));
-      tsdf->insertMeta(kUpWords, openvdb::StringMetadata(s.info.upright.words));
+      tsdf->insertMeta(kUpDescription, openvdb::StringMetadata(s.info.upright.description));
       for_each_part(bricks.size(), [&](std::size_t begin, std::size_t end) {
         const auto behind = s.bricks.with_around(begin, end, &GridBrick::behind, two_steps());
         for (const Eigen::Vector3i& brick : inside_neighbors(behind, end - begin))

@@ -144,6 +144,24 @@ TEST(CameraFile, ErrorsNameFileAndLine) {
   EXPECT_NE(error(std::string(100000, '{')).find("camera.yaml:1: "), std::string::npos);
 }
 
+TEST(CameraFile, AcceptsKeysOfVersion01) {
+  const TemporaryFolder folder;
+  const auto rig = [&](const std::string& color, const std::string& min_confidence) {
+    write_text(folder / "camera.yaml",
+               "width: 640\nheight: 480\nfx: 525\nfy: 525\ncx: 320\ncy: 240\nsensor: {model: phone_lidar, " +
+                   min_confidence + ": 77}\n" + color +
+                   ": {width: 320, height: 240, fx: 260, fy: 260, cx: 160, cy: 120, translation: [0.1, 0, 0], "
+                   "rotation: [0, 0, 0, 1]}\n");
+    return read_camera_file(folder / "camera.yaml").rig;
+  };
+  const Rig old = rig("colour", "least_confidence");
+  ASSERT_TRUE(old.color);
+  EXPECT_EQ(old.color->camera.fx, 260);
+  EXPECT_EQ(old.color->color_from_depth.translation().x(), 0.1);
+  EXPECT_EQ(old.sensor.min_confidence, 77);
+  EXPECT_EQ(old, rig("color", "min_confidence"));
+}
+
 TEST(CameraFile, RefusesImplausibleValues) {
   const TemporaryFolder folder;
   const auto error = [&](const std::string& changed, const std::string& value) {

@@ -257,7 +257,7 @@ TEST_F(FloorPlan, ExplainsWhyThereIsNoPlan) {
             std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.scale = -1}); }).find("PlanOptions::scale is -1"),
             std::string::npos);
-  write_map(out / "lying.vdb", &distance, 0.9, 1.45, {.words = "not known; hold the camera upright"});
+  write_map(out / "lying.vdb", &distance, 0.9, 1.45, {.description = "not known; hold the camera upright"});
   EXPECT_NE(
       error_of([&] {
         (void)Map::open(out / "lying.vdb").export_plan(out / "plan.svg");

@@ -47,7 +47,7 @@ TEST(GravityAlignment, RotatesTheRequestedAxisToMinusY) {
     EXPECT_LT((upright.world_from_tracked * up + Vector3d::UnitY()).norm(), 1e-9) << name;
     EXPECT_EQ(upright.source, Source::option);
     EXPECT_TRUE(upright.known);
-    EXPECT_NE(upright.words.find(name), std::string::npos) << upright.words;
+    EXPECT_NE(upright.description.find(name), std::string::npos) << upright.description;
   }
   const GravityAlignment as_held =
       gravity_alignment_of(*estimate_gravity(corner.evidence, Up::camera), corner.evidence);
@@ -98,10 +98,10 @@ TEST(GravityAlignment, ReportsIfGivenPosesAreGravityAligned) {
   EXPECT_EQ(upright_poses.rotation_angle(), 0);
   const GravityAlignment z_up = given_gravity_alignment(Corner(turn(90 * kDegree, {-1, 0, 0})).evidence);
   EXPECT_FALSE(z_up.known);
-  EXPECT_NE(z_up.words.find("Options::up z"), std::string::npos) << z_up.words;
+  EXPECT_NE(z_up.description.find("Options::up z"), std::string::npos) << z_up.description;
   const GravityAlignment tilted = given_gravity_alignment(Corner(turn(0.5, {1, 0, 0})).evidence);
   EXPECT_FALSE(tilted.known);
-  EXPECT_NE(tilted.words.find("Options::up auto"), std::string::npos) << tilted.words;
+  EXPECT_NE(tilted.description.find("Options::up auto"), std::string::npos) << tilted.description;
   const GravityAlignment nothing = given_gravity_alignment({});
   EXPECT_FALSE(nothing.known);
   EXPECT_EQ(nothing.source, Source::poses);
@@ -152,7 +152,7 @@ TEST(AtlasGravity, IsUnknownWithoutEvidence) {
   EXPECT_FALSE(atlas.frozen_gravity);
   EXPECT_EQ(atlas.upright().source, Source::unknown);
   EXPECT_EQ(atlas.upright().rotation_angle(), 0);
-  EXPECT_NE(atlas.upright().words.find("Options::up"), std::string::npos);
+  EXPECT_NE(atlas.upright().description.find("Options::up"), std::string::npos);
 }
 
 TEST(AtlasGravity, SumsAccelerationsAcrossCameraRotations) {

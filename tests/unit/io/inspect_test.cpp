@@ -46,7 +46,7 @@ TEST(Inspect, SummarizesRecording) {
   Given source(small_camera(), room(6, 20));
   const SourceSummary s = inspect(source, 5);
   EXPECT_EQ(s.frames, 6);
-  EXPECT_EQ(s.looked_at, 5);
+  EXPECT_EQ(s.inspected, 5);
   EXPECT_NEAR(s.rate, 20, 1e-6);
   EXPECT_NEAR(s.seconds, 0.2, 1e-9);
   EXPECT_EQ(s.with_color, 5);
@@ -87,7 +87,7 @@ TEST(Inspect, ReportsMissingColor) {
 TEST(Inspect, AcceptsEmptySource) {
   Given source(small_camera(), {});
   const SourceSummary s = inspect(source);
-  EXPECT_EQ(s.looked_at, 0);
+  EXPECT_EQ(s.inspected, 0);
   EXPECT_EQ(s.rate, 0);
 }
 

@@ -57,11 +57,11 @@ TEST(GlobalVolumeChunks, EqualTheGlobalVolume) {
   std::vector<PlacedSubmap> placed;
   for (const std::size_t s : {0u, 1u})
     placed.push_back({s, std::make_shared<const BrickSet>(tree->bricks()), Deformation(atlas, s)});
-  GlobalVolumeChunks parts(test_device(), kOptions, placed);
-  const std::vector<Brick> all = parts.bricks();
+  GlobalVolumeChunks chunks(test_device(), kOptions, placed);
+  const std::vector<Brick> all = chunks.bricks();
   std::size_t compared = 0;
   for (const auto& some : {std::span(all).first(all.size() / 3), std::span(all).subspan(all.size() / 3)}) {
-    const BrickTree made = parts.make(some, [&](std::size_t, const BrickBox&) { return tree; });
+    const BrickTree made = chunks.make(some, [&](std::size_t, const BrickBox&) { return tree; });
     EXPECT_LE(made.size(), some.size());
     for (const Brick& brick : some) {
       const std::uint64_t *a = world.bricks().find(brick), *b = made.find(brick);

@@ -9,6 +9,7 @@
 #include "cairn/mapping/pose.hpp"
 #include "support/files.hpp"
 #include "support/scenes.hpp"
+#include "support/volumes.hpp"
 #include "volume/vdb/brick_file.hpp"
 
 namespace cairn {
@@ -154,7 +155,7 @@ TEST(BackEnd, PagesSubmapsToDiskBeyondTheBudget) {
       tree.put({i, s, 0}, voxels);
     }
     originals.push_back(tree.copy());
-    submaps.add(list_of(tree));
+    submaps.add(brick_list_of(tree));
   }
   EXPECT_FALSE(submaps.store());
   EXPECT_LE(submaps.counts().peak_bytes, std::uint64_t{1} << 20);
@@ -262,7 +263,7 @@ TEST(BackEnd, KeepsUnwrittenDataInMemoryAndRetries) {
   KeyframeStore keyframes(small_camera(), folder / "session");
   BrickTree tree;
   tree.put({1, 2, 3}, BrickVoxels{5});
-  submaps.add(list_of(tree));
+  submaps.add(brick_list_of(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
   keyframes.put(0, frame, {});
   for (const auto& problem : {submaps.store(), keyframes.store()}) EXPECT_TRUE(problem);
@@ -302,7 +303,7 @@ TEST(BackEnd, WritesNothingIntoAReadOnlySession) {
   KeyframeStore keyframes(small_camera(), folder.path(), Access::read);
   BrickTree tree;
   tree.put({1, 2, 3}, BrickVoxels{5});
-  submaps.add(list_of(tree));
+  submaps.add(brick_list_of(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
   keyframes.put(0, frame, {});
   EXPECT_FALSE(submaps.store() || keyframes.store());

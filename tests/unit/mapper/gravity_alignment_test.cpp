@@ -80,7 +80,7 @@ TEST_F(TiltedRoom, IsGravityAlignedInAllOutputs) {
   Map reread = Map::open(out / "map.vdb");
   EXPECT_TRUE(reread.upright().known);
   EXPECT_EQ(reread.upright().source, GravityAlignment::Source::structure);
-  EXPECT_EQ(reread.upright().words, upright.words);
+  EXPECT_EQ(reread.upright().description, upright.description);
   const Mesh from_grids = reread.mesh();
   ASSERT_EQ(from_grids.positions.size(), mesh.positions.size());
   for (std::size_t i = 0; i < mesh.positions.size(); ++i)

@@ -14,7 +14,7 @@ namespace cairn {
 namespace {
 
 /// Options with all cleaning steps off.
-CleanOptions nothing() { return {.min_piece = 0, .min_support = 0}; }
+CleanOptions nothing() { return {.min_component = 0, .min_support = 0}; }
 
 Mesh moved(Mesh mesh, const Eigen::Vector3f& by) {
   for (auto& p : mesh.positions) p += by;
@@ -34,7 +34,7 @@ TEST(Clean, RemovesSmallOrWeaklyObservedComponents) {
   Mesh kept_component = moved(flat_grid(12, 12, 0.01f), {0, 0, 3});
   kept_component.weights.assign(kept_component.positions.size(), 5.0f);
   append(mesh, kept_component);
-  const Cleaned cleaned = clean(mesh, {.min_piece = 0.1f, .min_support = 2.0f});
+  const Cleaned cleaned = clean(mesh, {.min_component = 0.1f, .min_support = 2.0f});
   EXPECT_EQ(cleaned.components_removed, 2u);
   EXPECT_EQ(mesh.triangles.size(), surface + kept_component.triangles.size() - 4);  // except for corners that protrude
                                                                                     // from borders
@@ -158,7 +158,7 @@ TEST(Clean, CountsAComponentAtItsFirstTriangle) {
   append(mesh, moved(flat_grid(3, 3, 0.01f), {0.1f, 0, 1}));
   const auto count = [&](bool left) {
     Mesh copy = mesh;
-    return clean(copy, {.min_piece = 0.1f, .min_support = 0},
+    return clean(copy, {.min_component = 0.1f, .min_support = 0},
                  [&, left](const auto& t) { return (copy.positions[t[0]].x() < 0.112f) == left; })
         .components_removed;
   };

@@ -123,9 +123,9 @@ class MergedProject : public testing::Test {
   void move_second(double by) const {
     ReadSession read = read_session(folder / "all");
     auto& poses = read.session.back_end.atlas.world_from_camera;
-    for (std::size_t k = read.parts.at(1).first_keyframe; k < poses.size(); ++k) poses[k].translation().x() += by;
+    for (std::size_t k = read.source_maps.at(1).first_keyframe; k < poses.size(); ++k) poses[k].translation().x() += by;
     SessionWriter writer(folder / "all");
-    writer.set_parts(read.parts);
+    writer.set_source_maps(read.source_maps);
     writer.write(read.session, {});
   }
   TemporaryFolder folder;
@@ -136,8 +136,8 @@ TEST_F(MergedProject, ContainsAllMapsWithFilesInPlace) {
   const auto report = merge(false);
   EXPECT_EQ(report.inliers, 4);
   const ReadSession read = read_session(folder / "all");
-  ASSERT_EQ(read.parts.size(), 2u);
-  EXPECT_EQ(read.parts[1].first_keyframe, 2u);
+  ASSERT_EQ(read.source_maps.size(), 2u);
+  EXPECT_EQ(read.source_maps[1].first_keyframe, 2u);
   EXPECT_TRUE(fs::is_empty(read.files / "keyframes"));
   Map one = Map::open(folder / "a"), all = Map::open(folder / "all");
   EXPECT_EQ(all.recordings(), 2);
@@ -157,7 +157,7 @@ TEST_F(MergedProject, AlignsCovisibleKeyframes) {
   EXPECT_GE(report.pairs, 4);
   EXPECT_GE(report.aligned, 2);
   const auto all = poses();
-  const std::size_t second = read_session(folder / "all").parts.at(1).first_keyframe;
+  const std::size_t second = read_session(folder / "all").source_maps.at(1).first_keyframe;
   for (std::size_t k = 0; k < second; ++k)  // the loops are off by a centimeter, the alignment of the surfaces corrects
                                             // them
     EXPECT_LT((all[k].translation() - all[second + k].translation()).norm(), 0.003) << k;
@@ -206,7 +206,7 @@ TEST_F(MergedProject, GatheredIsSelfContained) {
   Mapper mapper = session.mapper();
   EXPECT_EQ(mapper.recordings(), 2);
   EXPECT_GT(mapper.map().mesh().triangles.size(), 2000u);
-  EXPECT_EQ(read_session(folder / "all").parts.size(), 0u);
+  EXPECT_EQ(read_session(folder / "all").source_maps.size(), 0u);
 }
 
 TEST_F(MergedProject, KeepsPosesThatMoveOnlySlightly) {

@@ -204,6 +204,32 @@ TEST(Grids, HaveTheRequestedAxes) {
   }
 }
 
+TEST(Grids, ReadNamesOfVersion01) {
+  const TemporaryFolder folder;
+  const BrickTree tree = plane_tree();
+  write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
+  openvdb::initialize();
+  openvdb::io::File file((folder / "map.vdb").string());
+  file.open();
+  const auto grids = file.getGrids();
+  int renamed = 0;
+  for (const auto& grid : *grids)
+    if (const std::string name = grid->getName(); name == "color" || name == "color_weight") {
+      grid->setName("colour" + name.substr(5));
+      ++renamed;
+    }
+  ASSERT_EQ(renamed, 2);
+  openvdb::io::File((folder / "old.vdb").string()).write(*grids);
+  openvdb::io::File written((folder / "old.vdb").string());
+  written.open();
+  ASSERT_TRUE(written.hasGrid("colour") && written.hasGrid("colour_weight"));
+  ASSERT_FALSE(written.hasGrid("color") || written.hasGrid("color_weight"));
+  const ReadGrids read = read_grids(folder / "old.vdb");
+  ASSERT_EQ(read.tree.bricks(), tree.bricks());
+  for (const Eigen::Vector3i& b : tree.bricks())
+    for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
+}
+
 TEST(Grids, ReadFilesOfVersion02) {
   const TemporaryFolder folder;
   const BrickTree tree = plane_tree();
@@ -233,7 +259,7 @@ TEST(Grids, TransformIntoTheGravityAlignedWorld) {
   GravityAlignment upright{.source = GravityAlignment::Source::structure,
                            .known = true,
                            .world_from_tracked = turn,
-                           .words = "found",
+                           .description = "found",
                            .off = {}};
   for (const float voxel : {0.002f, 0.01f, 0.2f}) {  // the options' range
     write_grids(folder / "map.vdb", plane_tree(), {.voxel_size = voxel, .truncation = 4 * voxel, .upright = upright});
@@ -263,7 +289,7 @@ TEST(Grids, TransformIntoTheGravityAlignedWorld) {
     EXPECT_GE(inside, 9);
     const ReadGrids read = read_grids(folder / "map.vdb");
     EXPECT_LT(read.info.upright.world_from_tracked.angularDistance(turn), 1e-6);
-    EXPECT_EQ(read.info.upright.words, "found");
+    EXPECT_EQ(read.info.upright.description, "found");
   }
   upright = {};
   write_grids(folder / "map.vdb", plane_tree(), {.voxel_size = 0.01f, .truncation = 0.04f, .upright = upright});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "eval/doubts.hpp"
+#include "eval/verdict_items.hpp"
 
 #include <fmt/format.h>
 
@@ -22,7 +22,7 @@ constexpr double kMinPoints = 2000;     // minimum number of measurements for a 
 constexpr double kMaxBeyondDrift = 20;  // percent of the windows
 constexpr int kMinWindows = 5;          // minimum number for a ratio of lengths
 
-/// Item of the verdict: good, or a doubt.
+/// Item of the verdict: good or weak.
 Item item(std::string name, double value, double limit, std::string unit, bool is_good, std::string text) {
   return {.name = std::move(name),
           .value = value,

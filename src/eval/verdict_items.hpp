@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Quality measures of a finished map, with limits and texts.
+// Items of a verdict: quality measures of a finished map, with limits and texts.
 #pragma once
 #include <optional>
 #include <string>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "eval/doubts.hpp"
+#include "eval/verdict_items.hpp"
 
 #include <gtest/gtest.h>
 
@@ -140,15 +140,15 @@ TEST(Speeds, ReportJumpsAndIgnoreGaps) {
   EXPECT_NEAR(run(0.11, false).speed().timestamp, 0.2, 1e-9);
   EXPECT_NEAR(run(0.11, true).speed().value, 0.3, 1e-9);
   Measured measured;
-  const auto doubts = [&] {
+  const auto weak_items = [&] {
     const auto items = items_of(measured);
     return std::count_if(items.begin(), items.end(),
                          [](const Verdict::Item& i) { return i.level != Verdict::Level::good; });
   };
   measured.speeds = run(0.05, false);
-  EXPECT_EQ(doubts(), 0);
+  EXPECT_EQ(weak_items(), 0);
   measured.speeds = run(0.11, false);
-  EXPECT_EQ(doubts(), 1);
+  EXPECT_EQ(weak_items(), 1);
 }
 
 TEST(PoseAgreement, DistinguishesScaleErrorsAndJumpsFromDrift) {
@@ -201,7 +201,7 @@ TEST(FrameSamples, AreBoundedAndContinueAfterRestore) {
   EXPECT_EQ(text(second), text(uninterrupted));
 }
 
-TEST(Verdict, DoubtsMapWithoutColorOrGravity) {
+TEST(Verdict, IsWeakWithoutColorOrGravity) {
   RunMonitor evidence(kCamera, {});
   for (int i = 0; i < kFrames; ++i) {
     const Frame frame = frame_of_turntable(i, 60, 100);

@@ -233,7 +233,7 @@ void set_blocks(const Sample& sample, Recording& recording) {
 
 }  // namespace
 
-void analyze_images(Recording& recording) {
+void infer_depth_format(Recording& recording) {
   Sample sample = sample_images(recording.entries, recording.invalid_depth);
   if (sample.sizes.empty()) {
     if (recording.has_image_size && recording.has_depth_scale) return;  // each frame reports its own problem
