@@ -144,7 +144,7 @@ nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajec
     if (is_requested && !interrupt.requested()) run.timed(name, work);
     if (is_requested && interrupt.requested()) run.interrupted_in(name);
   };
-  stage(a.refine || a.reintegrate, "refine", [&] {
+  stage(a.refine, "refine", [&] {
     interrupt.set_message("skipping the rest of the refinement; interrupt again to end at once");
     Progress progress(std::nullopt, "");
     const RefineReport refined = run.mapper().refine(progress_callback(progress, "refining"));
@@ -263,8 +263,8 @@ void add_reconstruct(CLI::App& program) {
       ->excludes(poses);
   command
       ->add_flag("--reintegrate", a->reintegrate,
-                 "Like --refine and --adjust, but then track the frames between keyframes again and fuse all frames "
-                 "with corrected depth instead of deforming the map")
+                 "Like --adjust, but then track the frames between keyframes again and fuse all frames with corrected "
+                 "depth instead of deforming the map")
       ->excludes(poses);
   command->callback([a] { reconstruct(*a); });
 }

@@ -226,7 +226,7 @@ def test_finishes_in_one_call(rig: cairn.Rig, images: List[Images]) -> None:
 
     mapper, other = mapped(rig, images), mapped(rig, images)
     stages: List[str] = []
-    report = mapper.finish(reintegrate=again(), progress=lambda stage, fraction: stages.append(stage))
+    report = mapper.finish(refine=True, reintegrate=again(), progress=lambda stage, fraction: stages.append(stage))
     assert report.refined is not None and report.adjusted is not None and report.is_reintegrated
     assert list(dict.fromkeys(stages))[-1] == "reintegrate" and not mapper.warnings()
     other.refine()

@@ -25,10 +25,11 @@ constexpr double kMinErrorReduction = 0.003;  // min. share of the held-out surf
 constexpr double kMinCorrectionErrorReduction = 0.01;  // the same for a depth correction
 constexpr double kMinEarlyErrorReduction = 0.002;      // the same for a depth correction, after its first rounds
 constexpr int kEarlyRounds = 2;
-constexpr int kMinKeyframes = 8;       // fewer are too few to estimate a depth correction
-constexpr double kUnknownSigma = 0.1;  // m; sigma of a surfel without observations
-constexpr std::size_t kReadAhead = 4;  // keyframes
-constexpr int kTypicalRounds = 30;     // typical number over all bundles, for the progress
+constexpr double kClearErrorReduction = 0.02;  // the same to accept it without further rounds of the bundle without it
+constexpr int kMinKeyframes = 8;               // fewer are too few to estimate a depth correction
+constexpr double kUnknownSigma = 0.1;          // m; sigma of a surfel without observations
+constexpr std::size_t kReadAhead = 4;          // keyframes
+constexpr int kTypicalRounds = 30;             // typical number over all bundles, for the progress
 
 /// Counts the rounds of consecutive bundle adjustments and reports them as one progress.
 struct Rounds {
@@ -123,6 +124,11 @@ void find_correction(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
   };
   corrected.adjust(adjusted.has_readout, Bundle::Detail::coarse, progress);
   if (rounds.is_stopped || !is_promising) return;
+  if (adjusted.corrected_error_reduction >= kClearErrorReduction) {
+    adjusted.corrected_error_reduction = error_reduction(corrected, bundle);
+    bundle = std::move(corrected);
+    return;
+  }
   bundle.adjust(adjusted.has_readout, Bundle::Detail::coarse, std::ref(rounds));
   if (rounds.is_stopped) return;
   adjusted.corrected_error_reduction = error_reduction(corrected, bundle);

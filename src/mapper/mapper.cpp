@@ -149,7 +149,7 @@ FinishReport Mapper::finish(const FinishOptions& options) {
     };
   };
   const bool is_again = options.reintegrate != nullptr;
-  if (options.refine || is_again) report.refined = refine(progress_of(FinishStage::refine));
+  if (options.refine) report.refined = refine(progress_of(FinishStage::refine));
   if ((options.adjust || is_again) && goes_on) report.adjusted = adjust(progress_of(FinishStage::adjust));
   if (is_again && goes_on) {
     const int count = options.reintegrate->size().value_or(0);

@@ -35,6 +35,17 @@ double motion_weight(const Vector6d& moved, const Matrix6d& information) {
   return squared > kDimensions - 2 ? 1 - (kDimensions - 2) / squared : 0;
 }
 
+/// Motion of an alignment from the pose of the adjusted keyframes.
+Vector6d motion_of(const Alignment& a, const Eigen::Isometry3d& pose) {
+  return local_coordinates(pose.inverse() * a.submap_from_camera);
+}
+
+bool is_trusted(const Alignment& a, const Eigen::Isometry3d& pose) {
+  const Vector6d moved = motion_of(a, pose);
+  return a.converged() && misfit(a) <= kMaxMisfit && moved.head<3>().norm() < kMaxMotion &&
+         moved.tail<3>().norm() < kMaxMotion;
+}
+
 bool is_before(const StampedPose& pose, double timestamp) { return pose.timestamp < timestamp; }
 
 /// Second pass over tracked poses.
@@ -70,6 +81,8 @@ class SecondPass {
   Raycaster raycaster_;
   Aligner aligner_;
   PhotometricKeyframe reference_;
+  SurfacePrediction prediction_;
+  int frames_of_prediction_ = 0;
 };
 
 SecondPass::SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
@@ -125,12 +138,21 @@ Eigen::Isometry3d SecondPass::track(const Frame& frame, const FramePyramid& live
     return pose;
   }
   volume.page_in_around(pose.translation());
-  const SurfacePrediction view = raycaster_.raycast(volume, pose);
-  const Alignment a = aligner_.align(live, view, pose, &reference_, moment);
-  const Vector6d moved = local_coordinates(pose.inverse() * a.submap_from_camera);
-  const bool is_trusted = a.converged() && misfit(a) <= kMaxMisfit && moved.head<3>().norm() < kMaxMotion &&
-                          moved.tail<3>().norm() < kMaxMotion;
-  if (is_trusted) pose = pose * retract(motion_weight(moved, a.information) * moved);
+  const bool is_reused = !prediction_.levels.empty() &&
+                         is_prediction_reusable(back_end_.camera(), prediction_.submap_from_camera.inverse() * pose,
+                                                frames_of_prediction_);
+  const auto predict = [&] { prediction_ = raycaster_.raycast(volume, pose), frames_of_prediction_ = 0; };
+  if (!is_reused) predict();
+  Alignment a = aligner_.align(live, prediction_, pose, &reference_, moment);
+  if (is_reused && !is_trusted(a, pose)) {
+    predict();
+    a = aligner_.align(live, prediction_, pose, &reference_, moment);
+  }
+  ++frames_of_prediction_;
+  if (is_trusted(a, pose)) {
+    const Vector6d moved = motion_of(a, pose);
+    pose = pose * retract(motion_weight(moved, a.information) * moved);
+  }
   if (!frame.held_out && !live.packed.empty() &&
       (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, &a)))
     reference_.set(live, pose, moment);

@@ -29,9 +29,6 @@ constexpr int kAllUnobserved = 6;        // unobserved directions of a pose with
 constexpr double kMaxGyroSeconds = 0.3;  // max. seconds of tracking by gyroscope alone
 // Rad, m: sigma of a pose by gyroscope alone.
 constexpr double kGyroRotationSigma = 0.005, kGyroTranslationSigma = 0.02;
-// Share of the image's width: max. view change to reuse a predicted surface.
-constexpr double kMaxReuseViewChange = 0.03;
-constexpr int kMaxPredictionFrames = 5;  // max. frames per predicted surface, since the map grows
 // Factor on a velocity that was itself weakly observed: hand motion reverses.
 constexpr double kWeakVelocityFactor = 0.8;
 constexpr int kMinGuesses = 5;                   // min. number to trust given guesses
@@ -326,8 +323,9 @@ TrackingResult Tracker::align_with_prediction(const Frame& frame, const FramePyr
 }
 
 bool Tracker::is_prediction_reusable(const Eigen::Isometry3d& guess) const {
-  if (prediction_.levels.empty() || state_.frames_of_prediction >= kMaxPredictionFrames) return false;
-  return view_change(rig_.depth, prediction_.submap_from_camera.inverse() * guess) < kMaxReuseViewChange;
+  return !prediction_.levels.empty() &&
+         cairn::is_prediction_reusable(rig_.depth, prediction_.submap_from_camera.inverse() * guess,
+                                       state_.frames_of_prediction);
 }
 
 /// Tracks a frame that follows a fused one. Guesses are the prediction, the last pose, and the pose from features.

@@ -43,6 +43,10 @@ double view_change(const Camera& camera, const Eigen::Isometry3d& motion) {
   return camera.fx * (angle_of(motion) + motion.translation().norm() / kTypicalDepth) / camera.width;
 }
 
+bool is_prediction_reusable(const Camera& camera, const Eigen::Isometry3d& motion, int frames) {
+  return frames < kMaxPredictionFrames && view_change(camera, motion) < kMaxReuseViewChange;
+}
+
 bool is_near(const Alignment& a, const Eigen::Isometry3d& guess) {
   const Eigen::Isometry3d motion = guess.inverse() * a.submap_from_camera;
   return a.fit.inlier_share > kMinRelocalizedInliers && misfit(a) < kMaxRelocalizedMisfit &&

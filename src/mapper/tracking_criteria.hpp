@@ -25,6 +25,9 @@ constexpr int kMaxLostFramesInPlace = 30;
 constexpr double kMaxReferenceRotation = 0.2;   // rad
 constexpr double kMaxReferenceDistance = 0.15;  // m
 constexpr double kMinReferenceShare = 0.5;      // min. share of the common points that fit
+// Share of the image's width: max. view change to reuse a predicted surface.
+constexpr double kMaxReuseViewChange = 0.03;
+constexpr int kMaxPredictionFrames = 5;  // max. frames per predicted surface, since the map grows
 
 /// Mean squared residual of the points that see the model, in variances of the depth noise; outliers count as 9.
 [[nodiscard]] double misfit(const Alignment& a);
@@ -38,6 +41,8 @@ constexpr double kMinReferenceShare = 0.5;      // min. share of the common poin
 [[nodiscard]] bool is_possible(const Eigen::Isometry3d& motion, double seconds, const MotionOptions& options);
 /// Approximate view change of a motion, as a share of the image's width.
 [[nodiscard]] double view_change(const Camera& camera, const Eigen::Isometry3d& motion);
+/// True if a surface predicted for another pose, `motion` away, still covers the view after aligning `frames` frames.
+[[nodiscard]] bool is_prediction_reusable(const Camera& camera, const Eigen::Isometry3d& motion, int frames);
 /// True if an alignment, with any overlap, confirms the pose from the gyroscope.
 [[nodiscard]] bool is_near(const Alignment& a, const Eigen::Isometry3d& guess);
 /// True if a lost camera is relocalized reliably.

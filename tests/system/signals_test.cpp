@@ -156,7 +156,7 @@ TEST_F(Signals, KeepTheLastCheckpoint) {
 }
 
 TEST_F(Signals, EndTheCurrentStageAndWriteAllFiles) {
-  ASSERT_EQ(Running(mapping("reconstruct", "rec", {"--refine", "--adjust"}), folder->path()).end().exit_code, 0);
+  ASSERT_EQ(Running(mapping("reconstruct", "rec", {"--adjust"}), folder->path()).end().exit_code, 0);
   const std::string bent = read_bytes(*folder / "map/map.vdb");
   for (const auto& [words, stage] : {std::pair("reintegrating", "reintegrate"), {"adjusting", "adjust"}}) {
     std::optional<Json> report;

@@ -28,8 +28,8 @@ enum class Poses {
 struct FinishOptions {
   bool refine = false;  ///< Mapper::refine
   bool adjust = false;  ///< Mapper::adjust
-  /// Mapper::reintegrate after both other stages, with the adjusted depth correction: the same recording from its
-  /// start, with the same frames held out. Null: the submaps are deformed.
+  /// Mapper::reintegrate after Mapper::adjust, with the adjusted depth correction: the same recording from its start,
+  /// with the same frames held out. Null: the submaps are deformed.
   Source* reintegrate = nullptr;
   /// Called with the completed fraction of a stage, 0 while unknown. Returns false to end the stage as its own function
   /// does, and to skip the following stages.

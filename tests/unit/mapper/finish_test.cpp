@@ -32,7 +32,7 @@ Mapper mapped() {
 TEST(Finish, IsEqualToItsSteps) {
   Mapper one = mapped(), other = mapped();
   GivenFrames source(small_camera(), frames()), again(small_camera(), frames());
-  const FinishReport report = one.finish({.reintegrate = &source});
+  const FinishReport report = one.finish({.refine = true, .reintegrate = &source});
   const RefineReport refined = other.refine();
   const AdjustReport adjusted = other.adjust();
   other.reintegrate(again, adjusted.correction);
@@ -51,7 +51,7 @@ TEST(Finish, ReportsProgressInTheOrderOfTheStages) {
   Mapper mapper = mapped();
   GivenFrames source(small_camera(), frames());
   std::vector<std::pair<FinishStage, double>> steps;
-  (void)mapper.finish({.reintegrate = &source, .progress = [&](FinishStage stage, double fraction) {
+  (void)mapper.finish({.refine = true, .reintegrate = &source, .progress = [&](FinishStage stage, double fraction) {
                          steps.emplace_back(stage, fraction);
                          return true;
                        }});
@@ -65,11 +65,19 @@ TEST(Finish, SkipsTheStagesAfterACanceledStage) {
   ASSERT_GE(mapper.keyframes().size(), 2u);
   GivenFrames source(small_camera(), frames());
   const FinishReport report =
-      mapper.finish({.reintegrate = &source, .progress = [](FinishStage, double) { return false; }});
+      mapper.finish({.refine = true, .reintegrate = &source, .progress = [](FinishStage, double) { return false; }});
   EXPECT_TRUE(report.refined);
   EXPECT_FALSE(report.adjusted);
   EXPECT_FALSE(report.is_reintegrated);
   EXPECT_EQ(mapper.warnings(), std::vector<std::string>{"interrupted; poses stay unchanged"});
+}
+
+TEST(Finish, AdjustsBeforeReintegration) {
+  Mapper mapper = mapped();
+  GivenFrames source(small_camera(), frames());
+  const FinishReport report = mapper.finish({.reintegrate = &source});
+  EXPECT_TRUE(report.adjusted && report.is_reintegrated);
+  EXPECT_FALSE(report.refined);
 }
 
 TEST(Finish, RunsOnlyTheRequestedStages) {
