@@ -18,7 +18,7 @@ namespace {
 constexpr int kCoarseCell = 8, kFineCell = 4;  // pixels of a view per side of a cell; one surfel per cell
 constexpr double kManyViews = 60;              // cells grow with more views, to bound the work
 constexpr double kMaxCoarsening = 3;           // max. factor of this growth
-constexpr std::size_t kMaxViews = 8;           // per surfel
+constexpr std::size_t kMaxViews = 16;          // per surfel
 constexpr double kMinRayCosine = 0.3,
                  kMinNormalCosine = 0.8;  // min. cosines of a normal with its ray, with a measured normal
 constexpr double kLateralOffset = 2.5;    // pixels
