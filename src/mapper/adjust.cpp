@@ -21,15 +21,16 @@ namespace {
 
 // Seconds; standard deviations: smallest readout worth a second adjustment.
 constexpr double kMinReadout = 0.001, kMinReadoutSigmas = 4;
-constexpr double kMinErrorReduction = 0.003;  // min. share of the held-out surfels' error that a readout must remove
-constexpr double kMinCorrectionErrorReduction = 0.01;  // the same for a depth correction
-constexpr double kMinEarlyErrorReduction = 0.002;      // the same for a depth correction, after its first rounds
+// Min. reduction of the held-out surfels' error, as a share of it:
+constexpr double kMinErrorReduction = 0.003;             // by a readout
+constexpr double kMinCorrectionErrorReduction = 0.01;    // by a depth correction
+constexpr double kMinEarlyErrorReduction = 0.002;        // by a depth correction, after its first rounds, to go on
+constexpr double kClearCorrectionErrorReduction = 0.02;  // same, to accept it at once
 constexpr int kEarlyRounds = 2;
-constexpr double kClearErrorReduction = 0.02;  // the same to accept it without further rounds of the bundle without it
-constexpr int kMinKeyframes = 8;               // fewer are too few to estimate a depth correction
-constexpr double kUnknownSigma = 0.1;          // m; sigma of a surfel without observations
-constexpr std::size_t kReadAhead = 4;          // keyframes
-constexpr int kTypicalRounds = 30;             // typical number over all bundles, for the progress
+constexpr int kMinKeyframes = 8;       // fewer are too few to estimate a depth correction
+constexpr double kUnknownSigma = 0.1;  // m; sigma of a surfel without observations
+constexpr std::size_t kReadAhead = 4;  // keyframes
+constexpr int kTypicalRounds = 30;     // typical number over all bundles, for the progress
 
 /// Counts the rounds of consecutive bundle adjustments and reports them as one progress.
 struct Rounds {
@@ -124,7 +125,7 @@ void find_correction(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
   };
   corrected.adjust(adjusted.has_readout, Bundle::Detail::coarse, progress);
   if (rounds.is_stopped || !is_promising) return;
-  if (adjusted.corrected_error_reduction >= kClearErrorReduction) {
+  if (adjusted.corrected_error_reduction >= kClearCorrectionErrorReduction) {
     adjusted.corrected_error_reduction = error_reduction(corrected, bundle);
     bundle = std::move(corrected);
     return;
