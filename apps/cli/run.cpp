@@ -296,8 +296,10 @@ void Run::checkpoint() {
 void Run::timed(const char* stage, const std::function<void()>& work) {
   const auto begin = Clock::now();
   work();
-  stages_[stage].add(std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
+  add_time(stage, std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
 }
+
+void Run::add_time(const std::string& stage, double milliseconds) { stages_[stage].add(milliseconds); }
 
 void Run::warn(const std::string& message) {
   const std::string text = with_flag_names(message);
@@ -329,7 +331,7 @@ void Run::set_pose_check(const PoseCheck& check) {
 
 void Run::interrupted(int left) { frames_left_ = left; }
 
-void Run::interrupted_in(const char* stage) {
+void Run::interrupted_in(const std::string& stage) {
   if (frames_left_) return;  // keep the first stage
   frames_left_ = 0;
   interrupted_stage_ = stage;

@@ -117,6 +117,7 @@ class Run {
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
   /// Runs `work` and records its duration under a stage's name.
   void timed(const char* stage, const std::function<void()>& work);
+  void add_time(const std::string& stage, double milliseconds);
   /// Prints a warning at once and adds it to the report.
   void warn(const std::string& text);
   /// Sets the check of given poses, for the verdict and report.json.
@@ -129,7 +130,7 @@ class Run {
   /// Marks the run as interrupted by the user, `left` frames before the end of its recording.
   void interrupted(int left);
   /// Marks a stage after the last frame as interrupted.
-  void interrupted_in(const char* stage);
+  void interrupted_in(const std::string& stage);
   /// Returns a function for the message at an immediate end by the user, reflecting the state when called. The function
   /// may outlive this object.
   [[nodiscard]] std::function<std::string()> exit_message() const;

@@ -83,6 +83,11 @@ nlohmann::json to_json(const std::vector<AdjustReport::KeyframeCovariance>& all)
   return list;
 }
 
+nlohmann::json to_json(const RefineReport& r) {
+  return {{"keyframes", r.keyframes},       {"pairs_tried", r.pairs_tried}, {"pairs_aligned", r.pairs_aligned},
+          {"pairs_inlier", r.pairs_inlier}, {"cost_before", r.cost_before}, {"cost", r.cost}};
+}
+
 nlohmann::json to_json(const AdjustReport& a) {
   return {{"keyframes", a.keyframes},
           {"surfels", a.surfels},
@@ -128,52 +133,86 @@ int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrup
   return read;
 }
 
+/// Shows the stages after the last frame, measures their times, and ends them at a signal.
+class Stages {
+ public:
+  Stages(Run& run, Interrupt& interrupt) : run_(run), interrupt_(interrupt) {}
+  Stages(const Stages&) = delete;
+  Stages& operator=(const Stages&) = delete;
+  ~Stages() { end(); }
+
+  /// FinishOptions::progress.
+  bool operator()(FinishStage stage, double fraction) {
+    if (stage != stage_) begin(stage);
+    progress_->step(static_cast<int>(100 * fraction), 100, text_of(stage).running);
+    if (!interrupt_.requested()) return true;
+    run_.interrupted_in(std::string(to_string(stage)));
+    return false;
+  }
+
+ private:
+  struct Text {
+    const char *running, *at_signal;
+  };
+  static Text text_of(FinishStage stage) {
+    switch (stage) {
+      case FinishStage::refine:
+        return {"refining", "skipping the rest of the refinement; interrupt again to end at once"};
+      case FinishStage::adjust:
+        return {"adjusting", "keeping the adjustment so far; interrupt again to end at once"};
+      case FinishStage::reintegrate:
+        return {"reintegrating", "keeping the adjusted map; interrupt again to end at once"};
+    }
+    return {};
+  }
+  void begin(FinishStage stage) {
+    end();
+    stage_ = stage, start_ = Clock::now();
+    interrupt_.set_message(text_of(stage).at_signal);
+    progress_.emplace(std::nullopt, "");
+  }
+  void end() {
+    if (stage_)
+      run_.add_time(std::string(to_string(*stage_)),
+                    std::chrono::duration<double, std::milli>(Clock::now() - start_).count());
+    progress_.reset();
+  }
+
+  Run& run_;
+  Interrupt& interrupt_;
+  std::optional<FinishStage> stage_;
+  std::optional<Progress> progress_;
+  Clock::time_point start_;
+};
+
 /// Improves the complete map after the last frame. A signal ends the current stage and keeps its previous result; an
 /// adjustment keeps its intermediate result.
 nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajectory& given, Run& run,
                        Interrupt& interrupt) {
-  nlohmann::json results;
   interrupt.allow_graceful_exit();  // also if no frame was left
-  const auto progress_callback = [&](Progress& progress, const char* words) {
-    return [&interrupt, &progress, words](double share) {
-      progress.step(static_cast<int>(100 * share), 100, words);
-      return !interrupt.requested();
-    };
-  };
-  const auto stage = [&](bool is_requested, const char* name, const std::function<void()>& work) {
-    if (is_requested && !interrupt.requested()) run.timed(name, work);
-    if (is_requested && interrupt.requested()) run.interrupted_in(name);
-  };
-  stage(a.refine, "refine", [&] {
-    interrupt.set_message("skipping the rest of the refinement; interrupt again to end at once");
-    Progress progress(std::nullopt, "");
-    const RefineReport refined = run.mapper().refine(progress_callback(progress, "refining"));
-    results["refined"] = {{"keyframes", refined.keyframes},         {"pairs_tried", refined.pairs_tried},
-                          {"pairs_aligned", refined.pairs_aligned}, {"pairs_inlier", refined.pairs_inlier},
-                          {"cost_before", refined.cost_before},     {"cost", refined.cost}};
-  });
-  AdjustReport adjusted;
-  stage(a.adjust || a.reintegrate, "adjust", [&] {
-    interrupt.set_message("keeping the adjustment so far; interrupt again to end at once");
-    {
-      Progress progress(std::nullopt, "");
-      adjusted = run.mapper().adjust(progress_callback(progress, "adjusting"));
-    }
-    results["adjusted"] = to_json(adjusted);
-    warn_of_errors(adjusted, a.reintegrate, run);
-  });
-  stage(a.reintegrate, "reintegrate", [&] {
-    interrupt.set_message("keeping the adjusted map; interrupt again to end at once");
+  if (!a.refine && !a.adjust && !a.reintegrate) return {};
+  if (interrupt.requested()) {
+    run.interrupted_in(a.refine ? "refine" : "adjust");
+    return {};
+  }
+  std::unique_ptr<Source> again;
+  if (a.reintegrate) {
     SourceOptions options_again = source_options(a, parse_frames(a.frames));
     options_again.find_color_camera = false;  // already known to the mapper
-    const auto again = open_frames(a, options_again, held_out, given);
-    Progress progress(again->size());
-    int done = 0;
-    run.mapper().reintegrate(*again, adjusted.correction, [&](int frames) {
-      if (frames > std::exchange(done, frames)) progress.step("reintegrating");
-      return !interrupt.requested();
-    });
-  });
+    again = open_frames(a, options_again, held_out, given);
+  }
+  FinishReport finished;
+  {
+    Stages stages(run, interrupt);
+    finished = run.mapper().finish(
+        {.refine = a.refine, .adjust = a.adjust, .reintegrate = again.get(), .progress = std::ref(stages)});
+  }
+  nlohmann::json results;
+  if (finished.refined) results["refined"] = to_json(*finished.refined);
+  if (finished.adjusted) {
+    results["adjusted"] = to_json(*finished.adjusted);
+    warn_of_errors(*finished.adjusted, a.reintegrate, run);
+  }
   return results;
 }
 
