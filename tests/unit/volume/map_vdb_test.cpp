@@ -20,6 +20,14 @@
 namespace cairn {
 namespace {
 
+/// Reads all grids of a file with OpenVDB only.
+openvdb::GridPtrVec grids_of(const std::filesystem::path& vdb) {
+  openvdb::initialize();
+  openvdb::io::File file(vdb.string());
+  file.open();
+  return *file.getGrids();
+}
+
 /// Reads a grid of a file with OpenVDB only.
 template <class Grid>
 typename Grid::Ptr grid_of(const std::filesystem::path& vdb, const char* name) {
@@ -27,6 +35,12 @@ typename Grid::Ptr grid_of(const std::filesystem::path& vdb, const char* name) {
   openvdb::io::File file(vdb.string());
   file.open();
   return openvdb::gridPtrCast<Grid>(file.readGrid(name));
+}
+
+void expect_equal(const BrickTree& read, const BrickTree& tree) {
+  ASSERT_EQ(read.bricks(), tree.bricks());
+  for (const Eigen::Vector3i& b : tree.bricks())
+    for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.find(b)[k], tree.find(b)[k]) << k;
 }
 
 /// Plane at x = 4.3 voxels, observed with weight 2, colored.
@@ -52,16 +66,13 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
   tree.mark_free({-5, 0, 2}, {0, 0, 0b1011});
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
 
-  openvdb::initialize();
-  openvdb::io::File file((folder / "map.vdb").string());
-  file.open();
-  const auto grids = file.getGrids();
-  ASSERT_EQ(grids->size(), 6u);  // and color_weight, needed for resuming, observed and free
-  const auto tsdf = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("tsdf"));
-  const auto weight = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("weight"));
-  const auto color = openvdb::gridPtrCast<openvdb::Vec3SGrid>(file.readGrid("color"));
+  const openvdb::GridPtrVec grids = grids_of(folder / "map.vdb");
+  ASSERT_EQ(grids.size(), 6u);  // and color_weight, needed for resuming, observed and free
+  const auto tsdf = grid_of<openvdb::FloatGrid>(folder / "map.vdb", "tsdf");
+  const auto weight = grid_of<openvdb::FloatGrid>(folder / "map.vdb", "weight");
+  const auto color = grid_of<openvdb::Vec3SGrid>(folder / "map.vdb", "color");
   EXPECT_EQ(tsdf->getGridClass(), openvdb::GRID_LEVEL_SET);
-  for (const auto& grid : *grids) {
+  for (const auto& grid : grids) {
     EXPECT_TRUE(grid->transform().voxelSize().eq(openvdb::Vec3d(0.01), 1e-7));
     // Cubes of eight voxels are 23 by 7 by 7.
     EXPECT_EQ(grid->activeVoxelCount(), grid->getName() == "free"       ? 512u + 3u
@@ -74,7 +85,7 @@ TEST(Grids, OpenAsMetricLevelSetsInOpenVdb) {
   }
   EXPECT_EQ(tsdf->getMetadata<openvdb::StringMetadata>("axes")->value(), "axes world: x right, y down, z forward");
   EXPECT_NEAR(tsdf->background(), 0.04, 1e-6);
-  const auto free = openvdb::gridPtrCast<openvdb::BoolGrid>(file.readGrid("free"));
+  const auto free = grid_of<openvdb::BoolGrid>(folder / "map.vdb", "free");
   for (int z = 0; z < 5; ++z) EXPECT_EQ(free->tree().isValueOn({-38, 0, 16 + z}), z < 2 || z == 3) << z;
   EXPECT_TRUE(free->tree().getValue({15, 7, 7}));
   using Sampler = openvdb::tools::GridSampler<openvdb::FloatGrid, openvdb::tools::BoxSampler>;
@@ -162,12 +173,10 @@ TEST(Grids, RejectInvalidStandardDeviations) {
   info.sigma.add({0, 0, 0}, 0.003);
   write_grids(folder / "map.vdb", plane_tree(), info);
   const auto with = [&](auto change) {
-    openvdb::io::File file((folder / "map.vdb").string());
-    file.open();
-    const auto grids = file.getGrids();
-    for (auto& grid : *grids)
+    openvdb::GridPtrVec grids = grids_of(folder / "map.vdb");
+    for (auto& grid : grids)
       if (grid->getName() == "sigma") change(grid);
-    openvdb::io::File((folder / "bad.vdb").string()).write(*grids);
+    openvdb::io::File((folder / "bad.vdb").string()).write(grids);
     return error_of([&] { (void)read_grids(folder / "bad.vdb"); });
   };
   using Base = openvdb::GridBase::Ptr;
@@ -208,38 +217,30 @@ TEST(Grids, ReadNamesOfVersion01) {
   const TemporaryFolder folder;
   const BrickTree tree = plane_tree();
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
-  openvdb::initialize();
-  openvdb::io::File file((folder / "map.vdb").string());
-  file.open();
-  const auto grids = file.getGrids();
+  const openvdb::GridPtrVec grids = grids_of(folder / "map.vdb");
   int renamed = 0;
-  for (const auto& grid : *grids)
+  for (const auto& grid : grids)
     if (const std::string name = grid->getName(); name == "color" || name == "color_weight") {
       grid->setName("colour" + name.substr(5));
       ++renamed;
     }
   ASSERT_EQ(renamed, 2);
-  openvdb::io::File((folder / "old.vdb").string()).write(*grids);
+  openvdb::io::File((folder / "old.vdb").string()).write(grids);
   openvdb::io::File written((folder / "old.vdb").string());
   written.open();
   ASSERT_TRUE(written.hasGrid("colour") && written.hasGrid("colour_weight"));
   ASSERT_FALSE(written.hasGrid("color") || written.hasGrid("color_weight"));
   const ReadGrids read = read_grids(folder / "old.vdb");
-  ASSERT_EQ(read.tree.bricks(), tree.bricks());
-  for (const Eigen::Vector3i& b : tree.bricks())
-    for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
+  expect_equal(read.tree, tree);
 }
 
 TEST(Grids, ReadFilesOfVersion02) {
   const TemporaryFolder folder;
   const BrickTree tree = plane_tree();
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
-  openvdb::initialize();
-  openvdb::io::File file((folder / "map.vdb").string());
-  file.open();
   openvdb::GridPtrVec old;
-  const auto grids = file.getGrids();
-  for (const auto& grid : *grids)
+  const openvdb::GridPtrVec grids = grids_of(folder / "map.vdb");
+  for (const auto& grid : grids)
     if (grid->getName() == "color_weight") {  // integers
       old.push_back(std::make_shared<openvdb::Int32Grid>(*openvdb::gridPtrCast<openvdb::FloatGrid>(grid)));
       old.back()->setName("color_weight");
@@ -248,9 +249,7 @@ TEST(Grids, ReadFilesOfVersion02) {
     }
   openvdb::io::File((folder / "old.vdb").string()).write(old);
   const ReadGrids read = read_grids(folder / "old.vdb");
-  ASSERT_EQ(read.tree.bricks(), tree.bricks());
-  for (const Eigen::Vector3i& b : tree.bricks())
-    for (std::size_t k = 0; k < 512; ++k) ASSERT_EQ(read.tree.find(b)[k], tree.find(b)[k]) << k;
+  expect_equal(read.tree, tree);
 }
 
 TEST(Grids, TransformIntoTheGravityAlignedWorld) {
@@ -320,12 +319,9 @@ TEST(FreeSpace, IsReadFromFilesWithCompletelyFreeBricksOnly) {
   tree.put({0, 0, 0}, voxels);
   tree.mark_free({3, -1, 0});
   write_grids(folder / "map.vdb", tree, {.voxel_size = 0.01f, .truncation = 0.04f});
-  openvdb::initialize();
-  openvdb::io::File file((folder / "map.vdb").string());
-  file.open();
   openvdb::GridPtrVec old;
-  const auto grids = file.getGrids();
-  for (const auto& grid : *grids)
+  const openvdb::GridPtrVec grids = grids_of(folder / "map.vdb");
+  for (const auto& grid : grids)
     if (grid->getName() != "free" && grid->getName() != "observed") old.push_back(grid);
   ASSERT_EQ(old.size(), 4u);
   for (const auto& grid : old)
