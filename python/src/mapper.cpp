@@ -228,7 +228,7 @@ without relocalization they start a new component.)")
 
 Finishes the map after the last frame: runs the requested stages, applies all pending loop closures and freezes the
 gravity direction. Returns a FinishReport. refine, adjust: as the methods of the same name. reintegrate: the same
-recording from its start, a Source or an iterable of Frames, for the method of the same name after both other stages.
+recording from its start, a Source or an iterable of Frames, for the method of the same name after adjust.
 progress: called with the stage ('refine', 'adjust', 'reintegrate') and its completed fraction, 0 while unknown; if it
 returns False or raises, or on Ctrl-C, the stage ends as its method does, and the following stages are skipped.)")
       .def(

@@ -152,7 +152,8 @@ FinishReport Mapper::finish(const FinishOptions& options) {
   if (options.refine) report.refined = refine(progress_of(FinishStage::refine));
   if ((options.adjust || is_again) && goes_on) report.adjusted = adjust(progress_of(FinishStage::adjust));
   if (is_again && goes_on) {
-    const int count = options.reintegrate->size().value_or(0);
+    // A stream without a size has about as many frames as poses.
+    const int count = options.reintegrate->size().value_or(static_cast<int>(trajectory().size()));
     const auto progress = [&, goes_on_at = progress_of(FinishStage::reintegrate)](int frames) {
       return goes_on_at(count > 0 ? std::min(1.0, static_cast<double>(frames) / count) : 0.0);
     };

@@ -60,6 +60,25 @@ TEST(Finish, ReportsProgressInTheOrderOfTheStages) {
   EXPECT_EQ(steps.back(), std::pair(FinishStage::reintegrate, 1.0));
 }
 
+TEST(Finish, ReportsProgressOfAStreamWithoutSize) {
+  struct Stream final : Source {
+    GivenFrames all{small_camera(), frames()};
+    [[nodiscard]] const Rig& rig() const override { return all.rig(); }
+    [[nodiscard]] std::optional<int> size() const override { return std::nullopt; }
+    [[nodiscard]] std::optional<Frame> next() override { return all.next(); }
+  };
+  Mapper mapper = mapped();
+  Stream source;
+  std::vector<double> fractions;
+  (void)mapper.finish({.reintegrate = &source, .progress = [&](FinishStage stage, double fraction) {
+                         if (stage == FinishStage::reintegrate) fractions.push_back(fraction);
+                         return true;
+                       }});
+  ASSERT_FALSE(fractions.empty());
+  EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+  EXPECT_EQ(fractions.back(), 1.0);
+}
+
 TEST(Finish, SkipsTheStagesAfterACanceledStage) {
   Mapper mapper = mapped();
   ASSERT_GE(mapper.keyframes().size(), 2u);
