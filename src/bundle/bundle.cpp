@@ -15,10 +15,11 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarseCell = 8, kFineCell = 4;  // pixels of a view per side of a cell; one surfel per cell
-constexpr double kManyViews = 60;              // cells grow with more views, to bound the work
-constexpr double kMaxCoarsening = 3;           // max. factor of this growth
-constexpr std::size_t kMaxViews = 16;          // per surfel
+// Pixels of a view per side of a cell; one surfel per cell.
+constexpr int kCoarseCell = 12, kCamerasCell = 8, kFineCell = 4;
+constexpr std::size_t kMaxCoarseViews = 16, kMaxFineViews = 8;  // per surfel
+constexpr double kManyViews = 60;                               // cells grow with more views, to bound the work
+constexpr double kMaxCoarsening = 3;                            // max. factor of this growth
 constexpr double kMinRayCosine = 0.3,
                  kMinNormalCosine = 0.8;  // min. cosines of a normal with its ray, with a measured normal
 constexpr double kLateralOffset = 2.5;    // pixels
@@ -37,7 +38,8 @@ constexpr double kEdgeInformationFactor = 0.3;  // share of their information: t
 constexpr double kMinGapSigma = 0.1;            // min. ratio to the depth noise of the sensor model
 constexpr double kMinBrightnessSigma = 1;       // gray levels: min. noise of an image
 constexpr std::size_t kScaleSamples = 5000;     // surfels to estimate the scales
-constexpr std::size_t kHeldOutInterval = 5;     // interval of cells held out to judge the prediction
+constexpr std::size_t kScaleParts = 16;
+constexpr std::size_t kHeldOutInterval = 5;  // interval of cells held out to judge the prediction
 
 constexpr double kMargin = 0.1;            // share of the image by which the camera's motion may shift a point
 constexpr int kTileCells = 8;              // cells per tile of a view; its surfels are stored consecutively
@@ -359,7 +361,7 @@ void Bundle::associate() {
       views.clear();
       for (const std::uint32_t k : candidates)
         if (is_seen(surfels_[s], k, seen)) views.push_back(k);
-      const std::size_t count = std::min(views.size(), kMaxViews);
+      const std::size_t count = std::min(views.size(), max_views_);
       for (std::size_t i = 0; i < count; ++i) all[s].push_back(views[i * views.size() / count]);
     }
   });
@@ -418,17 +420,28 @@ void Bundle::update_surfels() {
 }
 
 void Bundle::measure_scales() {
-  std::vector<double> gaps, differences;
-  Seen seen;
-  for (std::size_t s = 0; s < surfels_.size(); s += 1 + surfels_.size() / kScaleSamples)
-    for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o) {
-      if (!observe(surfels_[s], seen_by_[o], true, seen)) continue;
-      gaps.push_back(std::abs(seen.residual[0].value));
-      for (int i = 1; i < seen.count; ++i)
-        differences.push_back(std::abs(seen.residual[static_cast<std::size_t>(i)].value));
-    }
-  gap_sigma_ = scale_of(gaps, kMinGapSigma);
-  brightness_sigma_ = scale_of(differences, kMinBrightnessSigma);
+  const std::size_t step = 1 + surfels_.size() / kScaleSamples, sampled = (surfels_.size() + step - 1) / step;
+  struct Magnitudes {
+    std::vector<double> gaps, differences;
+  };
+  std::vector<Magnitudes> parts(kScaleParts);
+  tbb::parallel_for(std::size_t{0}, kScaleParts, [&](std::size_t part) {
+    Seen seen;
+    for (std::size_t i = part * sampled / kScaleParts; i < (part + 1) * sampled / kScaleParts; ++i)
+      for (std::uint32_t o = first_[i * step]; o < first_[i * step + 1]; ++o) {
+        if (!observe(surfels_[i * step], seen_by_[o], true, seen)) continue;
+        parts[part].gaps.push_back(std::abs(seen.residual[0].value));
+        for (int r = 1; r < seen.count; ++r)
+          parts[part].differences.push_back(std::abs(seen.residual[static_cast<std::size_t>(r)].value));
+      }
+  });
+  Magnitudes all;
+  for (const Magnitudes& part : parts) {
+    all.gaps.insert(all.gaps.end(), part.gaps.begin(), part.gaps.end());
+    all.differences.insert(all.differences.end(), part.differences.begin(), part.differences.end());
+  }
+  gap_sigma_ = scale_of(all.gaps, kMinGapSigma);
+  brightness_sigma_ = scale_of(all.differences, kMinBrightnessSigma);
 }
 
 Vector6d Bundle::error_of(const PoseGraph::Edge& edge) const {
@@ -461,18 +474,46 @@ double Bundle::cost_of_edges() const {
   return sum;
 }
 
+namespace {
+
+/// Repeats the last motion of all views while its direction persists (Polyak 1964): slow modes, such as the scale of
+/// the map with the depth correction, otherwise take tens of rounds.
+class Momentum {
+ public:
+  void apply(std::vector<Eigen::Isometry3d>& poses) {
+    std::vector<Vector6d> motion;
+    for (std::size_t k = 0; k < before_.size(); ++k)
+      motion.push_back(local_coordinates(before_[k].inverse() * poses[k]));
+    before_ = poses;
+    double product = 0;
+    for (std::size_t k = 0; k < motion_.size(); ++k) product += motion[k].dot(motion_[k]);
+    motion_ = std::move(motion);
+    if (product <= 0) return;
+    for (std::size_t k = 0; k < poses.size(); ++k) poses[k] = poses[k] * retract(motion_[k]);
+  }
+
+ private:
+  std::vector<Eigen::Isometry3d> before_;  // poses before the last motion
+  std::vector<Vector6d> motion_;           // by view
+};
+
+}  // namespace
+
 void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on) {
   finds_readout_ = finds_readout;
   if (!finds_readout) shared_.shutter.readout = 0;
   if (views_.size() < 2) return;
   const bool is_fine = detail == Detail::fine;
   const double coarsening = std::clamp(std::sqrt(static_cast<double>(views_.size()) / kManyViews), 1.0, kMaxCoarsening);
-  cell_ = static_cast<int>(coarsening * (is_fine ? kFineCell : kCoarseCell));
+  cell_ = static_cast<int>(coarsening * (is_fine ? kFineCell : finds_cameras_ ? kCamerasCell : kCoarseCell));
+  max_views_ = is_fine ? kMaxFineViews : kMaxCoarseViews;
   if (is_fine) tolerance_ = kFinalTolerance;
+  Momentum momentum;
   std::optional<double> error;
-  if (tolerance_ <= kFinalTolerance && !finds_cameras_) error = held_out_error();
+  if (!is_fine && tolerance_ <= kFinalTolerance && !finds_cameras_) error = held_out_error();
   double readout = shared_.shutter.readout;
   for (int round = 0; round < (is_fine ? kMaxFineRounds : kMaxRounds); ++round) {
+    if (!is_fine) momentum.apply(poses_);
     if (round % kSamplingInterval == 0) sample(Cells::adjusted);
     associate();
     if (surfels_.empty()) return;

@@ -64,6 +64,7 @@ class Bundle {
   [[nodiscard]] const BundleShutter& shutter() const { return shared_.shutter; }
   /// Enables estimation of the depth correction.
   void find_correction();
+  void forget_correction();
   /// In the depth camera's own image; empty unless enabled.
   [[nodiscard]] const DepthCorrection& correction() const { return shared_.correction; }
   /// Enables estimation of focal lengths, principal points, a radial distortion term, and the color camera's pose.
@@ -201,6 +202,7 @@ class Bundle {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;  // pairs of views with common surfels: later, earlier
   std::vector<std::uint32_t> pair_of_;                          // index into pairs_, by pair of views
   int cell_ = 4;                        // pixels of a view per side of a cell; one surfel per cell
+  std::size_t max_views_ = 8;           // per surfel
   double tolerance_ = kFirstTolerance;  // m: max. distance of a surfel from a measurement
   double gap_sigma_ = 1, brightness_sigma_ = 1, readout_sigma_ = 0;
 };

@@ -46,6 +46,11 @@ void Bundle::find_correction() {
   tolerance_ = kFirstTolerance;
 }
 
+void Bundle::forget_correction() {
+  shared_.correction = {};
+  places_.clear(), offsets_.clear();
+}
+
 /// Updates the lookup tables by pixel.
 void Bundle::refresh() {
   const Camera& camera = cameras_.depth;

@@ -24,8 +24,7 @@ constexpr double kMinReadout = 0.001, kMinReadoutSigmas = 4;
 // Min. reduction of the held-out surfels' error, as a share of it:
 constexpr double kMinErrorReduction = 0.003;             // by a readout
 constexpr double kMinCorrectionErrorReduction = 0.01;    // by a depth correction
-constexpr double kMinEarlyErrorReduction = 0.002;        // by a depth correction, after its first rounds, to go on
-constexpr double kClearCorrectionErrorReduction = 0.02;  // same, to accept it at once
+constexpr double kClearCorrectionErrorReduction = 0.05;  // same, after few rounds without it
 constexpr int kEarlyRounds = 2;
 constexpr int kMinKeyframes = 8;       // fewer are too few to estimate a depth correction
 constexpr double kUnknownSigma = 0.1;  // m; sigma of a surfel without observations
@@ -94,11 +93,8 @@ double error_reduction(Bundle& with, Bundle& without) {
   return before > 0 ? 1 - with.held_out_error() / before : 0;
 }
 
-/// Estimates the readout of cameras without a known rolling shutter.
-void find_shutter(Bundle& bundle, const Rig& rig, AdjustReport& adjusted, Rounds& rounds) {
-  const bool has_known_readout = is_rolling(rig);
-  bundle.adjust(!has_known_readout, Bundle::Detail::coarse, std::ref(rounds));
-  if (has_known_readout) return;
+/// Drops an estimated readout that held-out surfels do not confirm.
+void check_readout(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
   adjusted.readout = bundle.shutter().readout;
   adjusted.readout_sigma = bundle.readout_sigma();
   if (rounds.is_stopped ||
@@ -111,29 +107,31 @@ void find_shutter(Bundle& bundle, const Rig& rig, AdjustReport& adjusted, Rounds
   if (!adjusted.has_readout) bundle = std::move(global);
 }
 
-void find_correction(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
-  if (rounds.is_stopped || adjusted.keyframes < kMinKeyframes) return;
-  Bundle corrected = bundle;
-  corrected.find_correction();
+/// Drops an estimated depth correction that held-out surfels do not confirm.
+void check_correction(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
+  if (rounds.is_stopped) return;
+  Bundle without = bundle;
+  without.forget_correction();
   int done = 0;
-  bool is_promising = true;
   const auto progress = [&] {
     if (!rounds()) return false;
     if (++done != kEarlyRounds) return true;
-    adjusted.corrected_error_reduction = error_reduction(corrected, bundle);
-    return is_promising = adjusted.corrected_error_reduction >= kMinEarlyErrorReduction;
+    adjusted.corrected_error_reduction = error_reduction(bundle, without);
+    return adjusted.corrected_error_reduction < kClearCorrectionErrorReduction;
   };
-  corrected.adjust(adjusted.has_readout, Bundle::Detail::coarse, progress);
-  if (rounds.is_stopped || !is_promising) return;
-  if (adjusted.corrected_error_reduction >= kClearCorrectionErrorReduction) {
-    adjusted.corrected_error_reduction = error_reduction(corrected, bundle);
-    bundle = std::move(corrected);
-    return;
-  }
-  bundle.adjust(adjusted.has_readout, Bundle::Detail::coarse, std::ref(rounds));
-  if (rounds.is_stopped) return;
-  adjusted.corrected_error_reduction = error_reduction(corrected, bundle);
-  if (adjusted.corrected_error_reduction >= kMinCorrectionErrorReduction) bundle = std::move(corrected);
+  without.adjust(adjusted.has_readout, Bundle::Detail::coarse, progress);
+  if (rounds.is_stopped || adjusted.corrected_error_reduction >= kClearCorrectionErrorReduction) return;
+  adjusted.corrected_error_reduction = error_reduction(bundle, without);
+  if (adjusted.corrected_error_reduction < kMinCorrectionErrorReduction) bundle = std::move(without);
+}
+
+/// Adjusts the poses together with the readout, unless the shutter is known, and the depth correction.
+void adjust_coarsely(Bundle& bundle, bool finds_readout, bool finds_correction, AdjustReport& adjusted,
+                     Rounds& rounds) {
+  if (finds_correction) bundle.find_correction();
+  bundle.adjust(finds_readout, Bundle::Detail::coarse, std::ref(rounds));
+  if (finds_readout) check_readout(bundle, adjusted, rounds);
+  if (finds_correction) check_correction(bundle, adjusted, rounds);
 }
 
 void update_uncertainty(const Bundle& bundle, Atlas& atlas, const std::vector<std::size_t>& keyframes,
@@ -166,8 +164,9 @@ AdjustReport adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Adju
   if (keyframes.size() < 2) return adjusted;
   Bundle bundle = bundle_of(back_end, rig, clock_offset, keyframes, progress);
   Rounds rounds{.progress = progress};
-  find_shutter(bundle, rig, adjusted, rounds);
-  if (parameters == AdjustedParameters::readout_and_depth) find_correction(bundle, adjusted, rounds);
+  const bool finds_correction =
+      parameters == AdjustedParameters::readout_and_depth && adjusted.keyframes >= kMinKeyframes;
+  adjust_coarsely(bundle, !is_rolling(rig), finds_correction, adjusted, rounds);
   if (!rounds.is_stopped) bundle.adjust(adjusted.has_readout, Bundle::Detail::fine, std::ref(rounds));
   adjusted.correction = bundle.correction();
   if (adjusted.has_readout) adjusted.readout = bundle.shutter().readout;
