@@ -40,6 +40,17 @@ void FrameLog::add(const nlohmann::json& report) {
   every_ *= 2;
 }
 
+void FrameLog::replace(const std::string& from, const std::string& to) {
+  counts_[to] += std::exchange(counts_[from], 0);
+  std::string lines;
+  for_each_line(lines_, [&](std::string_view line) {
+    auto report = parsed_json(line);
+    if (report.at("state") == from) report["state"] = to;
+    lines += report.dump() + '\n';
+  });
+  lines_ = std::move(lines);
+}
+
 int FrameLog::count(const std::string& state) const {
   const auto found = counts_.find(state);
   return found == counts_.end() ? 0 : found->second;

@@ -17,6 +17,8 @@ class FrameLog {
  public:
   /// `report` has a "state".
   void add(const nlohmann::json& report);
+  /// Replaces the state of all frames with state `from`.
+  void replace(const std::string& from, const std::string& to);
   [[nodiscard]] int count(const std::string& state) const;
   [[nodiscard]] int size() const { return size_; }
   /// Reasons for skipped frames.

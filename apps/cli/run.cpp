@@ -8,6 +8,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <utility>
 
@@ -116,6 +117,7 @@ std::string RunProgress::note() const {
   return format_json({{"recording", recording},
                       {"next", next},
                       {"hold_out", to_json(hold_out)},
+                      {"judges", judges},
                       {"frames", frames.save()},
                       {"evidence", evidence}});
 }
@@ -125,6 +127,7 @@ RunProgress RunProgress::from(const std::string& note) {
   return {.recording = j.at("recording"),
           .next = j.at("next"),
           .hold_out = j.contains("hold_out") ? hold_out_from(j["hold_out"]) : HoldOut{},
+          .judges = j.value("judges", false),
           .frames = FrameLog::from(j.at("frames")),
           .evidence = j.value("evidence", "")};
 }
@@ -182,7 +185,7 @@ ResumePoint resume_point(const RunArguments& a, FrameRange range) {
   }
   begin.is_next_recording = before.recording != begin.progressed.recording || is_sensor(a.sequence);
   if (!begin.is_next_recording) {
-    if (const int every = before.hold_out.every; a.hold_out && *a.hold_out != every)
+    if (const int every = before.judges ? 0 : before.hold_out.every; a.hold_out && *a.hold_out != every)
       throw std::runtime_error(fmt::format(
           "--hold-out {}: {} was started with {}; resume without the option, or start again with --overwrite",
           *a.hold_out, (a.output / "session").string(),
@@ -532,6 +535,23 @@ void add_report_options(CLI::App& command, RunArguments& a) {
 }
 
 }  // namespace
+
+CLI::Option* add_quality(CLI::App& command, Quality& quality) {
+  static constexpr std::array kQualities{Quality::fast, Quality::good, Quality::best};
+  std::vector<std::string> names;
+  for (const Quality one : kQualities) names.emplace_back(to_string(one));
+  return command
+      .add_option_function<std::string>(
+          "--quality",
+          [&quality](const std::string& name) {
+            quality = *std::find_if(kQualities.begin(), kQualities.end(),
+                                    [&](Quality one) { return to_string(one) == name; });
+          },
+          "Effort after the last frame: fast (none), good (keyframes adjusted jointly, and all frames fused again) or "
+          "best (the same, with every frame tracked again); kept if frames held out until the end confirm it [good]")
+      ->check(CLI::IsMember(names))
+      ->type_name("NAME");
+}
 
 void add_run_options(CLI::App& command, RunArguments& a) {
   command.add_option("SEQUENCE", a.sequence, kSequenceHelp)->required();

@@ -51,6 +51,8 @@ struct RunArguments : OutputArguments {
 };
 
 void add_run_options(CLI::App& command, RunArguments& a);
+/// Adds --quality.
+CLI::Option* add_quality(CLI::App& command, Quality& quality);
 /// Inputs of all runs.
 [[nodiscard]] Inputs inputs_of(const RunArguments& a);
 /// Returns the arguments with the chosen output folder, see choose_output. Throws std::runtime_error if an output
@@ -77,6 +79,7 @@ struct RunProgress {
   std::string recording;  // see identity()
   int next = 0;           // frame
   HoldOut hold_out;
+  bool judges = false;  // the held-out frames judge the quality, and join the map in the end
   FrameLog frames;
   std::string evidence;  // Evidence::save
 
@@ -109,6 +112,8 @@ class Run {
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Frames with a pose that are not part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
+  /// Records that the held-out frames have joined the map.
+  void fused_held_out() { progressed_.frames.replace("held_out", "fused"); }
   /// Discards the results of this run, including saved state, and restarts at the next frame: with an empty map, or
   /// with the map as found, if RunArguments::resume is set. The latter requires RunArguments::may_be_reset.
   void reset();

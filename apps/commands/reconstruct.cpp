@@ -22,6 +22,8 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
+// Frames held out to judge --quality: every n-th, not in shorter recordings.
+constexpr int kMinJudgedFrames = 40, kHeldOutFrames = 14, kMinHeldOutInterval = 8, kStreamHeldOutInterval = 40;
 
 struct Arguments : RunArguments {
   fs::path poses, guess;
@@ -29,7 +31,18 @@ struct Arguments : RunArguments {
   std::optional<std::string> poses_convention;
   int read_ahead = 4;
   bool refine = false, adjust = false, reintegrate = false;
+  Quality quality = Quality::good;
+
+  [[nodiscard]] bool is_expert() const { return refine || adjust || reintegrate; }
+  /// Quality of the stages after the last frame, if they are not chosen one by one.
+  [[nodiscard]] Quality effective_quality() const { return is_expert() || !poses.empty() ? Quality::fast : quality; }
 };
+
+/// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
+int judging_interval(Quality quality, std::optional<int> frames) {
+  if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
+  return frames ? std::max(kMinHeldOutInterval, *frames / kHeldOutFrames) : kStreamHeldOutInterval;
+}
 
 /// Poses of --poses or --guess, world_from_camera; empty without either.
 Trajectory given_poses(const Arguments& a) {
@@ -42,9 +55,10 @@ Trajectory given_poses(const Arguments& a) {
   return with_convention(std::move(poses), pose_convention(a.poses_convention.value_or("")));
 }
 
-std::unique_ptr<Source> open_frames(const Arguments& a, const SourceOptions& options, const HoldOut& held_out,
-                                    const Trajectory& given) {
-  auto source = hold_out(open_source(a.sequence, options), held_out);
+/// Sources of the run: held-out frames marked, with poses or guesses, read ahead.
+std::unique_ptr<Source> with_wrappers(std::unique_ptr<Source> source, const Arguments& a, const HoldOut& held_out,
+                                      const Trajectory& given) {
+  source = hold_out(std::move(source), held_out);
   if (!a.poses.empty()) source = with_poses(std::move(source), given);
   if (!a.guess.empty()) source = with_guesses(std::move(source), given);
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
@@ -185,33 +199,54 @@ class Stages {
   Clock::time_point start_;
 };
 
+/// Stages after the last frame, as requested one by one or by a quality.
+FinishOptions stages_of(const Arguments& a, bool has_own_held_out, Source* again) {
+  if (a.is_expert()) return {.refine = a.refine, .adjust = a.adjust, .reintegrate = a.reintegrate ? again : nullptr};
+  FinishOptions options = finish_options(a.effective_quality(), again);
+  options.fuses_held_out = has_own_held_out;
+  return options;
+}
+
+nlohmann::json to_json(const HeldOutError& e) {
+  nlohmann::json j{{"frames", e.frames}, {"depth_rmse_m", e.depth_rmse}, {"doubled", e.doubled}};
+  if (e.brightness_rmse > 0) j["brightness_rmse"] = e.brightness_rmse;
+  return j;
+}
+
 /// Improves the complete map after the last frame. A signal ends the current stage and keeps its previous result; an
 /// adjustment keeps its intermediate result.
-nlohmann::json improve(const Arguments& a, const HoldOut& held_out, const Trajectory& given, Run& run,
+nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const Trajectory& given, Run& run,
                        Interrupt& interrupt) {
   interrupt.allow_graceful_exit();  // also if no frame was left
-  if (!a.refine && !a.adjust && !a.reintegrate) return {};
+  const Quality quality = a.effective_quality();
+  const bool is_long = static_cast<int>(run.mapper().trajectory().size()) >= kMinJudgedFrames;
+  if (!a.is_expert() && (quality == Quality::fast || !is_long || run.mapper().recordings() > 1)) return {};
   if (interrupt.requested()) {
     run.interrupted_in(a.refine ? "refine" : "adjust");
     return {};
   }
   std::unique_ptr<Source> again;
-  if (a.reintegrate) {
+  if (a.reintegrate || (!a.is_expert() && !is_sensor(a.sequence))) {
     SourceOptions options_again = source_options(a, parse_frames(a.frames));
     options_again.find_color_camera = false;  // already known to the mapper
-    again = open_frames(a, options_again, held_out, given);
+    again = with_wrappers(open_source(a.sequence, options_again), a, progressed.hold_out, given);
   }
   FinishReport finished;
   {
     Stages stages(run, interrupt);
-    finished = run.mapper().finish(
-        {.refine = a.refine, .adjust = a.adjust, .reintegrate = again.get(), .progress = std::ref(stages)});
+    FinishOptions options = stages_of(a, progressed.judges, again.get());
+    options.progress = std::ref(stages);
+    finished = run.mapper().finish(options);
   }
+  if (finished.has_fused_held_out) run.fused_held_out();
   nlohmann::json results;
+  if (!a.is_expert()) results["quality"] = {{"requested", to_string(quality)}, {"kept", finished.is_kept}};
+  if (finished.error_before) results["quality"]["before"] = to_json(*finished.error_before);
+  if (finished.error) results["quality"]["after"] = to_json(*finished.error);
   if (finished.refined) results["refined"] = to_json(*finished.refined);
   if (finished.adjusted) {
     results["adjusted"] = to_json(*finished.adjusted);
-    warn_of_errors(*finished.adjusted, a.reintegrate, run);
+    warn_of_errors(*finished.adjusted, finished.is_reintegrated, run);
   }
   return results;
 }
@@ -222,11 +257,16 @@ void reconstruct(const Arguments& requested) {
   const Arguments a = with_output(requested, inputs, requested.poses.empty());
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
   (void)options_of(a);  // reports wrong options before reading
-  const ResumePoint begin = resume_point(a, parse_frames(a.frames));
-  const HoldOut& held_out = begin.progressed.hold_out;
+  ResumePoint begin = resume_point(a, parse_frames(a.frames));
   const Trajectory given = given_poses(a);
   const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range), given);
-  const auto source = open_frames(a, source_options(a, begin.range), held_out, given);
+  auto recording = open_source(a.sequence, source_options(a, begin.range));
+  if (!a.hold_out && !a.resume && !is_sensor(a.sequence)) {
+    HoldOut& hold_out = begin.progressed.hold_out;
+    hold_out.every = judging_interval(a.effective_quality(), recording->size());
+    begin.progressed.judges = hold_out.every > 0;
+  }
+  const auto source = with_wrappers(std::move(recording), a, begin.progressed.hold_out, given);
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   if (pose_check) report(*pose_check, poses, run);
@@ -239,7 +279,7 @@ void reconstruct(const Arguments& requested) {
   const std::optional<int> count = source->size();
   const int read = add_frames(a, *source, run, interrupt);
   if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
-  const nlohmann::json results = run.stopped() ? nlohmann::json() : improve(a, held_out, given, run, interrupt);
+  const nlohmann::json results = run.stopped() ? nlohmann::json() : improve(a, begin.progressed, given, run, interrupt);
   interrupt.set_message(kWriting);
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)
@@ -291,20 +331,24 @@ void add_reconstruct(CLI::App& program) {
       ->add_flag("--no-mesh", a->no_mesh,
                  "Write only the session, the trajectory and report.json: for a segment of a project")
       ->excludes(poses);
+  auto* quality = add_quality(*command, a->quality)->excludes(poses);
   command
       ->add_flag("--refine", a->refine,
                  "Align keyframes with each other after the last frame and deform the map to the optimized pose graph")
-      ->excludes(poses);
+      ->excludes(poses)
+      ->excludes(quality);
   command
       ->add_flag("--adjust", a->adjust,
                  "Jointly adjust keyframe poses, the surface, the readout time and the depth error after the last "
                  "frame, by depth and brightness, and deform the map accordingly")
-      ->excludes(poses);
+      ->excludes(poses)
+      ->excludes(quality);
   command
       ->add_flag("--reintegrate", a->reintegrate,
                  "Like --adjust, but then track the frames between keyframes again and fuse all frames with corrected "
                  "depth instead of deforming the map")
-      ->excludes(poses);
+      ->excludes(poses)
+      ->excludes(quality);
   command->callback([a] { reconstruct(*a); });
 }
 

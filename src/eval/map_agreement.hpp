@@ -8,7 +8,7 @@
 #include "cairn/mapping/depth_correction.hpp"
 #include "cairn/mapping/mesh.hpp"
 #include "cairn/mapping/trajectory.hpp"
-#include "eval/frame_samples.hpp"
+#include "map/frame_samples.hpp"
 
 namespace cairn {
 

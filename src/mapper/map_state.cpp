@@ -42,6 +42,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses kind, int device_index,
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access, files.source_maps),
       tracker(device, r, preprocessor.camera(), o, back_end.keyframes(), back_end.images()),
+      held_out(r, preprocessor.camera()),
       poses(kind == Poses::tracked
                 ? PoseSource(std::in_place_type<TrackedPoses>, rig, preprocessor, volume, back_end, tracker, repeats)
                 : PoseSource(std::in_place_type<GivenPoses>, rig, options, preprocessor, back_end)) {}
@@ -91,7 +92,8 @@ void MapState::commit_frame(const Frame& frame, const FramePyramid& live, const 
 }
 
 /// The map does not change. Fails if there is no map around the frame yet.
-void MapState::hold_out(const Frame& frame, const TrackingResult& tracked, FrameReport& report) {
+void MapState::hold_out(const Frame& frame, const FramePyramid& seen, const TrackingResult& tracked,
+                        FrameReport& report) {
   if (!std::visit([&](auto& source) { return source.hold_out(frame, tracked); }, poses)) {
     report.state = FrameState::lost;
     report.cause = FrameCause::not_relocalized;
@@ -99,7 +101,15 @@ void MapState::hold_out(const Frame& frame, const TrackingResult& tracked, Frame
     return;
   }
   report.state = FrameState::held_out;
+  held_out.add(frame.timestamp, seen, options.surface);
   last_fused = frame.timestamp;
+}
+
+std::optional<HeldOutError> MapState::held_out_error() {
+  if (held_out.empty()) return std::nullopt;
+  const BrickTree& world = global_volume().on_host();
+  const Atlas& atlas = back_end.atlas();
+  return held_out.compare(world, options.fuse, {}, atlas.trajectory(atlas.main_component(), 0, atlas.frames.size()));
 }
 
 /// Updates the distance field and the live surfaces with the bricks changed by a frame.

@@ -14,6 +14,7 @@
 #include "map/incremental_mesher.hpp"
 #include "mapper/back_end.hpp"
 #include "mapper/checked_frame.hpp"
+#include "mapper/held_out_frames.hpp"
 #include "mapper/pose_sources.hpp"
 #include "mapper/tracker.hpp"
 #include "preprocess/preprocess.hpp"
@@ -51,8 +52,10 @@ struct MapState {
   void begin_component();
   void commit_frame(const Frame& frame, const FramePyramid& live, const TrackingResult& tracked, StageTimes& times);
   void update_esdf_and_mesh(const IntegrationResult& fused, StageTimes& times);
-  /// Stores the pose of a held-out frame and fills the report.
-  void hold_out(const Frame& frame, const TrackingResult& tracked, FrameReport& report);
+  /// Stores the pose and a sample of a held-out frame, and fills the report.
+  void hold_out(const Frame& frame, const FramePyramid& seen, const TrackingResult& tracked, FrameReport& report);
+  /// Compares the map with the held-out frames. Returns nullopt if they are too few.
+  [[nodiscard]] std::optional<HeldOutError> held_out_error();
 
   /// Moves the whole map into submaps.
   void end_map();
@@ -87,6 +90,7 @@ struct MapState {
   std::optional<Volume> cached_volume;  // the world, if it differs from `volume`
 
   std::optional<double> last_fused;  // timestamp of the last fused or held-out frame
+  HeldOutFrames held_out;            // of this program
   RepeatedImages repeats;
   std::uint32_t fused_count = 0;  // frames
   PoseSource poses;

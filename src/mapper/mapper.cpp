@@ -76,7 +76,7 @@ FrameReport Mapper::add(const Frame& given) {
   fill(tracked, report);
   if (tracked.state == TrackingResult::State::lost) return report;
   if (given.held_out) {
-    s.hold_out(given, tracked, report);
+    s.hold_out(given, seen, tracked, report);
     return report;
   }
   if (tracked.cause == FrameCause::new_component) s.begin_component();
@@ -136,31 +136,7 @@ AdjustReport Mapper::adjust(const std::function<bool(double)>& progress) {
 }
 
 void Mapper::reintegrate(Source& source, const DepthCorrection& correction, const std::function<bool(int)>& progress) {
-  (void)cairn::reintegrate(*state_, source, correction, progress);
-}
-
-FinishReport Mapper::finish(const FinishOptions& options) {
-  FinishReport report;
-  bool goes_on = true;
-  const auto progress_of = [&](FinishStage stage) {
-    return [&, stage](double fraction) {
-      goes_on = goes_on && (!options.progress || options.progress(stage, fraction));
-      return goes_on;
-    };
-  };
-  const bool is_again = options.reintegrate != nullptr;
-  if (options.refine) report.refined = refine(progress_of(FinishStage::refine));
-  if ((options.adjust || is_again) && goes_on) report.adjusted = adjust(progress_of(FinishStage::adjust));
-  if (is_again && goes_on) {
-    // A stream without a size has about as many frames as poses.
-    const int count = options.reintegrate->size().value_or(static_cast<int>(trajectory().size()));
-    const auto progress = [&, goes_on_at = progress_of(FinishStage::reintegrate)](int frames) {
-      return goes_on_at(count > 0 ? std::min(1.0, static_cast<double>(frames) / count) : 0.0);
-    };
-    report.is_reintegrated = cairn::reintegrate(*state_, *options.reintegrate, report.adjusted->correction, progress);
-  }
-  freeze_gravity();
-  return report;
+  (void)cairn::reintegrate(*state_, source, {.correction = correction}, progress);
 }
 
 std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances.get(); }

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "alignment/align.hpp"
 #include "cairn/mapping/frame.hpp"
@@ -25,6 +26,8 @@ namespace cairn {
 namespace {
 
 constexpr double kMaxMotion = 0.15;  // rad, m: max. distance of a frame's pose from the interpolated keyframe poses
+// Share of the image's width: max. view change since the last tracked frame for an interpolated pose.
+constexpr double kMaxInterpolatedChange = 0.05;
 
 /// Weight of the motion measured by an alignment, relative to the pose from the adjusted keyframes: positive part of
 /// the estimator of James & Stein 1961, since motion below the alignment's error is noise. The information is for two
@@ -63,21 +66,32 @@ class SecondPass {
   /// Motion of the camera at a frame's time, from the adjusted keyframes.
   [[nodiscard]] MotionAt motion(double timestamp) const;
   [[nodiscard]] bool is_keyframe(double timestamp) const;
+  /// True if the view has hardly changed since the last tracked frame, of which it is at most the `max_count`-th
+  /// successor.
+  [[nodiscard]] bool is_interpolated(const Frame& frame, int max_count) const;
   /// Tracks the frame again and returns its pose; the adjusted pose if the alignment is unreliable or the frame is a
   /// keyframe.
   [[nodiscard]] Eigen::Isometry3d track(const Frame& frame, const FramePyramid& live, Volume& volume);
-  /// Stores the poses of all frames of the main component, updated by track(), see BackEnd::rebase.
+  /// Interpolates the corrections of adjusted poses between the last two tracked frames.
+  [[nodiscard]] Eigen::Isometry3d interpolate(double timestamp);
+  /// Poses of all frames of the main component, updated by track() and interpolate().
+  [[nodiscard]] const Trajectory& poses() const { return poses_; }
+  /// Stores these poses, see BackEnd::rebase.
   void rebase(std::uint32_t since) { back_end_.rebase(since, poses_, correction_); }
 
  private:
   [[nodiscard]] std::optional<std::size_t> index_of(double timestamp) const;
+  [[nodiscard]] Vector6d correction_of(std::size_t frame) const {
+    return local_coordinates(adjusted_[frame].world_from_camera.inverse() * poses_[frame].world_from_camera);
+  }
 
   BackEnd& back_end_;
   DepthCorrection correction_;
   double clock_offset_;
-  std::vector<std::size_t> keyframes_;  // of the main component
-  Trajectory adjusted_, poses_;         // before and after tracking
-  Preprocessor preprocessor_;           // of keyframes, already corrected for the shutter
+  std::vector<std::size_t> keyframes_;            // of the main component
+  Trajectory adjusted_, poses_;                   // before and after tracking
+  std::size_t tracked_before_ = 0, tracked_ = 0;  // last two tracked frames
+  Preprocessor preprocessor_;                     // of keyframes, already corrected for the shutter
   Raycaster raycaster_;
   Aligner aligner_;
   PhotometricKeyframe reference_;
@@ -128,8 +142,26 @@ bool SecondPass::is_keyframe(double timestamp) const {
   return found != keyframes_.end() && all[*found].timestamp == timestamp;
 }
 
+bool SecondPass::is_interpolated(const Frame& frame, int max_count) const {
+  const std::size_t i = *index_of(frame.timestamp);
+  if (frame.held_out || i == 0 || i + 1 == poses_.size() || is_keyframe(frame.timestamp)) return false;
+  return i <= tracked_ + static_cast<std::size_t>(max_count) &&
+         view_change(back_end_.camera(), adjusted_[tracked_].world_from_camera.inverse() *
+                                             adjusted_[i].world_from_camera) < kMaxInterpolatedChange;
+}
+
+Eigen::Isometry3d SecondPass::interpolate(double timestamp) {
+  const std::size_t i = *index_of(timestamp);
+  const double begin = poses_[tracked_before_].timestamp, duration = poses_[tracked_].timestamp - begin;
+  const double share = duration > 0 ? (timestamp - begin) / duration : 0;
+  const Vector6d correction = (1 - share) * correction_of(tracked_before_) + share * correction_of(tracked_);
+  return poses_[i].world_from_camera = adjusted_[i].world_from_camera * retract(correction);
+}
+
 Eigen::Isometry3d SecondPass::track(const Frame& frame, const FramePyramid& live, Volume& volume) {
-  Eigen::Isometry3d& pose = poses_[*index_of(frame.timestamp)].world_from_camera;
+  const std::size_t index = *index_of(frame.timestamp);
+  tracked_before_ = std::exchange(tracked_, index);
+  Eigen::Isometry3d& pose = poses_[index].world_from_camera;
   const ColorMoment moment{.velocity = velocity_at(adjusted_, frame.timestamp),
                            .stamp_delay = frame.color_delay,
                            .clock_offset = clock_offset_};
@@ -167,6 +199,9 @@ class GivenPass {
   [[nodiscard]] bool has(double timestamp) const { return pose_at(poses_, timestamp, 0).has_value(); }
   [[nodiscard]] MotionAt motion(double timestamp) const { return at_velocity(velocity_at(poses_, timestamp)); }
   [[nodiscard]] static bool is_keyframe(double) { return false; }
+  [[nodiscard]] static bool is_interpolated(const Frame&, int) { return false; }
+  [[nodiscard]] Eigen::Isometry3d interpolate(double timestamp) const { return *pose_at(poses_, timestamp, 0); }
+  [[nodiscard]] const Trajectory& poses() const { return poses_; }
   [[nodiscard]] Eigen::Isometry3d track(const Frame& frame, const FramePyramid&, Volume&) const {
     return *pose_at(poses_, frame.timestamp, 0);
   }
@@ -193,60 +228,118 @@ struct CountedFrames {
   }
 };
 
-/// Fuses all frames with a pose, except keyframes.
+/// Fuses the frames of a second pass.
 template <class Pass>
-void fuse_frames(MapState& s, Pass& pass, CountedFrames& frames) {
-  std::optional<Eigen::Isometry3d> last;
-  while (const auto read = frames.next()) {
-    const CheckedFrame checked(*read, s.rig, std::nullopt);
-    if (!checked.is_usable()) continue;
-    const Frame& frame = checked.frame();
-    if (!pass.has(frame.timestamp)) continue;
-    const FramePyramid seen = s.preprocessor.preprocess(frame, pass.motion(frame.timestamp));
-    const Eigen::Isometry3d pose = pass.track(frame, seen, s.volume);
-    if (frame.held_out || pass.is_keyframe(frame.timestamp)) continue;  // keyframes are already fused
-    seen.register_color_to_depth();
-    const auto motion = last ? std::optional<Eigen::Isometry3d>(last->inverse() * pose) : std::nullopt;
-    (void)s.integrator.integrate(seen, pose, s.volume, ++s.fused_count, s.carving_interval(motion));
-    last = pose;
+class PassFrames {
+ public:
+  PassFrames(MapState& state, Pass& pass, const SecondPassOptions& options)
+      : s_(state), pass_(pass), options_(options) {}
+
+  /// Fuses all frames with a pose, except keyframes and held-out frames.
+  void fuse(CountedFrames& frames) {
+    while (const auto read = frames.next()) {
+      const CheckedFrame checked(*read, s_.rig, std::nullopt);
+      if (!checked.is_usable() || !pass_.has(checked.frame().timestamp)) continue;
+      const Frame& frame = checked.frame();
+      if (pass_.is_interpolated(frame, options_.max_interpolated)) {
+        waiting_.push_back(frame);
+        continue;
+      }
+      track(frame);
+      fuse_waiting();
+    }
+    fuse_waiting();
   }
+  void fuse_held_out() {
+    for (const auto& [frame, pose] : held_out_) fuse(preprocess(frame), pose);
+  }
+
+ private:
+  struct HeldOut {
+    Frame frame;
+    Eigen::Isometry3d pose;
+  };
+  [[nodiscard]] FramePyramid preprocess(const Frame& frame) {
+    return s_.preprocessor.preprocess(frame, pass_.motion(frame.timestamp));
+  }
+  void track(const Frame& frame) {
+    const FramePyramid seen = preprocess(frame);
+    const Eigen::Isometry3d pose = pass_.track(frame, seen, s_.volume);
+    if (frame.held_out && options_.fuses_held_out) held_out_.push_back({frame, pose});
+    if (!frame.held_out && !pass_.is_keyframe(frame.timestamp)) fuse(seen, pose);  // keyframes are already fused
+  }
+  void fuse_waiting() {
+    for (const Frame& frame : waiting_) fuse(preprocess(frame), pass_.interpolate(frame.timestamp));
+    waiting_.clear();
+  }
+  void fuse(const FramePyramid& seen, const Eigen::Isometry3d& pose) {
+    seen.register_color_to_depth();
+    const auto motion = last_ ? std::optional<Eigen::Isometry3d>(last_->inverse() * pose) : std::nullopt;
+    (void)s_.integrator.integrate(seen, pose, s_.volume, ++s_.fused_count, s_.carving_interval(motion));
+    last_ = pose;
+  }
+
+  MapState& s_;
+  Pass& pass_;
+  const SecondPassOptions& options_;
+  std::vector<Frame> waiting_;  // since the last tracked frame
+  std::vector<HeldOut> held_out_;
+  std::optional<Eigen::Isometry3d> last_;  // pose of the last fused frame
+};
+
+/// Compares the new map with the held-out frames. Returns false if they do not confirm it.
+[[nodiscard]] bool is_accepted(MapState& s, const Trajectory& poses, const SecondPassOptions& options,
+                               SecondPassResult& result) {
+  if (options.before == nullptr) return true;
+  result.error = s.held_out.compare(s.volume.on_host(), s.options.fuse, options.correction, poses);
+  return !result.error || is_confirmed(*options.before, *result.error);
 }
 
-void fuse_again(MapState& s, const TrackedPoses&, CountedFrames& frames, const DepthCorrection& correction) {
+/// Returns false if the new map is discarded.
+bool fuse_again(MapState& s, const TrackedPoses&, CountedFrames& frames, const SecondPassOptions& options,
+                SecondPassResult& result) {
   const std::uint32_t since = s.fused_count + 1;
-  SecondPass pass(s.device, s.rig, s.preprocessor.camera(), s.options, s.back_end, correction,
+  SecondPass pass(s.device, s.rig, s.preprocessor.camera(), s.options, s.back_end, options.correction,
                   s.tracker.clock_offset());
   pass.fuse_keyframes(s.integrator, s.volume, s.fused_count, [&] { frames.check_canceled(); });
-  fuse_frames(s, pass, frames);
+  PassFrames all(s, pass, options);
+  all.fuse(frames);
+  if (!is_accepted(s, pass.poses(), options, result)) return false;
+  if (options.fuses_held_out) all.fuse_held_out(), result.has_fused_held_out = true;
   pass.rebase(since);
+  return true;
 }
 
-void fuse_again(MapState& s, const GivenPoses& given, CountedFrames& frames, const DepthCorrection&) {
+bool fuse_again(MapState& s, const GivenPoses& given, CountedFrames& frames, const SecondPassOptions& options,
+                SecondPassResult&) {
   GivenPass pass(given.poses());
-  fuse_frames(s, pass, frames);
+  PassFrames(s, pass, options).fuse(frames);
+  return true;
 }
 
 }  // namespace
 
-bool reintegrate(MapState& s, Source& source, const DepthCorrection& correction,
-                 const std::function<bool(int)>& progress) {
+SecondPassResult reintegrate(MapState& s, Source& source, const SecondPassOptions& options,
+                             const std::function<bool(int)>& progress) {
   s.back_end.finish_optimization();
   s.cached_volume.reset();
   const Volume::SavedState saved_volume = s.volume.save();
   BrickTree before = s.volume.on_host().copy();
   const DepthCorrection known = s.rig.depth_correction;
+  SecondPassResult result;
   const bool is_done = s.warnings().attempt("frames are not re-integrated", [&] {
     if (s.recordings() > 1) throw std::runtime_error("the map has several recordings");
-    check(correction);
+    check(options.correction);
     s.volume.adopt({});
-    s.rig.depth_correction = s.rig.depth_correction.compose(correction);
+    s.rig.depth_correction = s.rig.depth_correction.compose(options.correction);
     CountedFrames frames{source, progress};
-    std::visit([&](const auto& poses) { fuse_again(s, poses, frames, correction); }, s.poses);
+    result.is_replaced =
+        std::visit([&](const auto& poses) { return fuse_again(s, poses, frames, options, result); }, s.poses);
   });
-  if (is_done) return true;
+  if (is_done && result.is_replaced) return result;
   s.rig.depth_correction = known;
   s.volume.restore(std::move(before), saved_volume);
-  return false;
+  return {.error = result.error};
 }
 
 }  // namespace cairn

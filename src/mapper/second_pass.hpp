@@ -4,13 +4,30 @@
 // between them against this map.
 #pragma once
 #include <functional>
+#include <optional>
 
 #include "mapper/map_state.hpp"
 
 namespace cairn {
 
-/// Implements Mapper::reintegrate. Returns true if the map was replaced.
-[[nodiscard]] bool reintegrate(MapState& state, Source& source, const DepthCorrection& correction,
-                               const std::function<bool(int)>& progress);
+struct SecondPassOptions {
+  DepthCorrection correction;  // of depth, in addition to the rig's
+  /// Maximum number of frames between two tracked frames, at small view changes; their poses are interpolated.
+  int max_interpolated = 0;
+  /// Fuses held-out frames, after the last frame.
+  bool fuses_held_out = false;
+  /// Errors of the map so far; a new map that the held-out frames do not confirm is discarded. Null: no comparison.
+  const HeldOutError* before = nullptr;
+};
+
+struct SecondPassResult {
+  bool is_replaced = false;           // false: the map is as before
+  std::optional<HeldOutError> error;  // of the new map, with SecondPassOptions::before
+  bool has_fused_held_out = false;
+};
+
+/// Implements Mapper::reintegrate. `progress` receives the number of frames so far.
+[[nodiscard]] SecondPassResult reintegrate(MapState& state, Source& source, const SecondPassOptions& options,
+                                           const std::function<bool(int)>& progress);
 
 }  // namespace cairn

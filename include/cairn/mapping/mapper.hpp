@@ -31,10 +31,21 @@ struct FinishOptions {
   /// Mapper::reintegrate after Mapper::adjust, with the adjusted depth correction: the same recording from its start,
   /// with the same frames held out. Null: the submaps are deformed.
   Source* reintegrate = nullptr;
+  /// Keeps the result of the stages only if held-out frames confirm it (Frame::held_out). With fewer than four of them
+  /// the result is kept.
+  bool is_judged = false;
+  /// Fuses the held-out frames of a re-integration, after all others.
+  bool fuses_held_out = false;
+  /// Re-integration: maximum number of frames between two tracked frames. At small view changes their poses are
+  /// interpolated, which takes less time.
+  int max_interpolated = 0;
   /// Called with the completed fraction of a stage, 0 while unknown. Returns false to end the stage as its own function
   /// does, and to skip the following stages.
   std::function<bool(FinishStage stage, double fraction)> progress;
 };
+
+/// Options for a quality. `again`: see FinishOptions::reintegrate; null: the map is only deformed.
+[[nodiscard]] FinishOptions finish_options(Quality quality, Source* again);
 
 /// Builds a map from a stream of frames. Start here.
 ///

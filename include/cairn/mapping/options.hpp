@@ -11,6 +11,16 @@
 
 namespace cairn {
 
+/// Effort after the last frame.
+enum class Quality {
+  fast,  ///< the map as tracked
+  good,  ///< bundle adjustment and re-integration, kept if held-out frames confirm them
+  best   ///< the same, with every frame tracked again
+};
+
+/// Name of the enumerator.
+[[nodiscard]] std::string_view to_string(Quality quality);
+
 struct SurfaceOptions {
   float min_depth = 0.3f;            ///< meters; nearer measurements are dropped
   float max_depth = 5.0f;            ///< meters; farther measurements are dropped

@@ -146,11 +146,23 @@ enum class FinishStage { refine, adjust, reintegrate };
 /// Name of the enumerator.
 [[nodiscard]] std::string_view to_string(FinishStage stage);
 
+/// Errors of a map at held-out frames, see Frame::held_out.
+struct HeldOutError {
+  int frames = 0;
+  double depth_rmse = 0;       ///< meters, from measured points to the surface; at most the truncation each
+  double brightness_rmse = 0;  ///< 0 to 1, between images and the voxels' colors; 0: no color aligned with depth
+  double doubled = 0;          ///< share of the points with another surface within 8 cm along their ray
+};
+
 /// Result of Mapper::finish.
 struct FinishReport {
   std::optional<RefineReport> refined;   ///< empty if the stage was not requested, or skipped after a cancellation
   std::optional<AdjustReport> adjusted;  ///< same
   bool is_reintegrated = false;          ///< all frames were fused again
+  bool has_fused_held_out = false;       ///< including held-out frames
+  /// FinishOptions::is_judged: errors before and after the stages; empty with too few held-out frames.
+  std::optional<HeldOutError> error_before, error;
+  bool is_kept = true;  ///< false: held-out frames did not confirm the stages, and the map is as before
 };
 
 /// Keyframe of a map.

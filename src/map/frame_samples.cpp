@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "eval/frame_samples.hpp"
+#include "map/frame_samples.hpp"
 
 #include <algorithm>
 #include <cmath>

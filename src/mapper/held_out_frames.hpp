@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Held-out frames as evidence for or against a map.
+#pragma once
+#include "cairn/mapping/options.hpp"
+#include "cairn/mapping/reports.hpp"
+#include "cairn/mapping/trajectory.hpp"
+#include "map/frame_samples.hpp"
+#include "preprocess/frame_pyramid.hpp"
+#include "volume/vdb/brick_tree.hpp"
+
+namespace cairn {
+
+/// Even sample of a run's held-out frames.
+class HeldOutFrames {
+ public:
+  /// `rectified`: camera of the preprocessed frames.
+  HeldOutFrames(const Rig& rig, const Camera& rectified);
+  void add(double timestamp, const FramePyramid& seen, const SurfaceOptions& options);
+  [[nodiscard]] bool empty() const { return samples_.all().empty(); }
+  /// Compares the map with the frames at these poses (world_from_camera). `correction`: of depth, in addition to the
+  /// rig's at add(). Returns nullopt if fewer than four frames have a pose.
+  [[nodiscard]] std::optional<HeldOutError> compare(const BrickTree& map, const FuseOptions& options,
+                                                    const DepthCorrection& correction, const Trajectory& poses) const;
+
+ private:
+  FrameSamples samples_;
+};
+
+/// True if the frames confirm a change of the map from `before` to `after`: neither depth nor brightness is clearly
+/// worse, nor is more of the surface doubled, and depth and brightness together are not worse.
+[[nodiscard]] bool is_confirmed(const HeldOutError& before, const HeldOutError& after);
+
+}  // namespace cairn
