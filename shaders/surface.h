@@ -48,6 +48,7 @@ struct SurfaceFilterPush {
   float spatial;     // -1 / (2 sigma^2), sigma in pixels
   float range;       // residual at which the weight reaches 0, in standard deviations of the depth noise
   float edge_slope;  // in standard deviations of the depth noise
+  uint smooths;      // 0: only writes the fusion image
   uint halves;       // 1: also computes the next level
 };
 

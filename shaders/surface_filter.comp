@@ -114,13 +114,18 @@ void main() {
   Row m0 = row_at(y - 2), m1 = row_at(y - 1), m2 = row_at(y), m3 = row_at(y + 1), m4 = row_at(y + 2), m5 = row_at(y + 3);
   vec4 sigma_above, sigma_below;
   vec4 above = cleaned(m1, m2, m3, sigma_above), below = cleaned(m2, m3, m4, sigma_below);
+  bool is_pair = y + 1 < height;
+  if (push.smooths == 0u) {
+    keep(y, above, above);
+    if (is_pair) keep(y + 1, below, below);
+    return;
+  }
   m0 = inverse_of(m0), m1 = inverse_of(m1), m2 = inverse_of(m2), m3 = inverse_of(m3), m4 = inverse_of(m4);
   m5 = inverse_of(m5);
   vec3 g = vec3(1.0, exp(push.spatial), exp(4.0 * push.spatial));
   vec4 smooth_above = smoothed(m0, m1, m2, m3, m4, above, sigma_above, g);
   vec4 smooth_below = smoothed(m1, m2, m3, m4, m5, below, sigma_below, g);
   keep(y, above, smooth_above);
-  bool is_pair = y + 1 < height;
   if (is_pair) keep(y + 1, below, smooth_below);
   if (push.halves == 0u || !is_pair || (first & 1) != 0) return;
   vec4 left = vec4(smooth_above.xy, smooth_below.xy), right = vec4(smooth_above.zw, smooth_below.zw);

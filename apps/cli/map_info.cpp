@@ -193,7 +193,7 @@ void print(const Json& json) {
   if (!json.contains("interrupted")) return;
   const auto& interrupted = json["interrupted"];
   if (interrupted.contains("stage"))
-    fmt::print("interrupted in --{}: {}\n", interrupted["stage"].get<std::string>(),
+    fmt::print("interrupted in the stage {}: {}\n", interrupted["stage"].get<std::string>(),
                interrupted["remedy"].get<std::string>());
   else
     fmt::print("{} frames remain: {}\n", interrupted["frames_left"].get<int>(),

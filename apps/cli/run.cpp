@@ -495,12 +495,15 @@ void Run::print_summary(const nlohmann::json& report, const Verdict& verdict) co
     }
     fmt::print(out, "trajectory  {}\n", (output / "trajectory.txt").string());
     print_upright(report["upright"]);
+    if (report.contains("quality"))
+      fmt::print(out, "quality     {}: {}\n", report["quality"]["requested"].get<std::string>(),
+                 report["quality"]["words"].get<std::string>());
     fmt::print(out, "report      {}\n", (fs::exists(page) ? page : output / "report.json").string());
     if (fs::exists(page)) fmt::print(out, "next: cairn view {}\n", quoted(output));
   }
   if (!arguments_.json || verdict.level != Verdict::Level::good) print(verdict, out);
   if (!interrupted_stage_.empty())
-    fmt::print(out, "interrupted in --{}; {}\n", interrupted_stage_, resume_instructions());
+    fmt::print(out, "interrupted in the stage {}; {}\n", interrupted_stage_, resume_instructions());
   else if (frames_left_)
     fmt::print(out, "{} of {} frames; {}\n", total, total + *frames_left_, resume_instructions());
 }

@@ -208,9 +208,21 @@ FinishOptions stages_of(const Arguments& a, bool has_own_held_out, Source* again
 }
 
 nlohmann::json to_json(const HeldOutError& e) {
-  nlohmann::json j{{"frames", e.frames}, {"depth_rmse_m", e.depth_rmse}, {"doubled", e.doubled}};
+  nlohmann::json j{
+      {"frames", e.frames}, {"covered", e.covered}, {"depth_rmse_m", e.depth_rmse}, {"doubled", e.doubled}};
   if (e.brightness_rmse > 0) j["brightness_rmse"] = e.brightness_rmse;
   return j;
+}
+
+/// Gain of the stages in one line, by the held-out frames.
+std::string gain(const FinishReport& finished) {
+  if (!finished.error_before || !finished.error) return "too few frames held out to judge the adjusted map";
+  const HeldOutError &before = *finished.error_before, &after = *finished.error;
+  std::string text = fmt::format("depth error {:.1f} -> {:.1f} mm", 1000 * before.depth_rmse, 1000 * after.depth_rmse);
+  if (before.brightness_rmse > 0)
+    text += fmt::format(", brightness {:.1f} -> {:.1f} %", 100 * before.brightness_rmse, 100 * after.brightness_rmse);
+  text += fmt::format(" in {} held-out frames", after.frames);
+  return finished.is_kept ? text : "the map as tracked, since the adjusted map is worse: " + text;
 }
 
 /// Improves the complete map after the last frame. A signal ends the current stage and keeps its previous result; an
@@ -240,7 +252,8 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
   }
   if (finished.has_fused_held_out) run.fused_held_out();
   nlohmann::json results;
-  if (!a.is_expert()) results["quality"] = {{"requested", to_string(quality)}, {"kept", finished.is_kept}};
+  if (!a.is_expert())
+    results["quality"] = {{"requested", to_string(quality)}, {"kept", finished.is_kept}, {"words", gain(finished)}};
   if (finished.error_before) results["quality"]["before"] = to_json(*finished.error_before);
   if (finished.error) results["quality"]["after"] = to_json(*finished.error);
   if (finished.refined) results["refined"] = to_json(*finished.refined);

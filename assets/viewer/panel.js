@@ -54,6 +54,7 @@ function factsOf(report) {
   if (mesh?.textures) list.push(['Texture', `${mesh.textures === 1 ? '1 image' : `${mesh.textures} images`}, ${Math.round(100 * mesh.textured_share)} % from keyframes`]);
   if (report.upright) list.push(['Upright', report.upright.words ?? kSources[report.upright.source] ?? report.upright.source]);
   else if (report.tilt_degrees != null) list.push(['Tilt against gravity', `${report.tilt_degrees.toFixed(2)}°`]);
+  if (report.quality) list.push(['Quality', `${report.quality.requested}: ${report.quality.words}`]);
   if (report.surface_sigma) list.push(['Uncertainty', `${millimeters(report.surface_sigma.median_m)}, 95 % of the surface below ${millimeters(report.surface_sigma.p95_m)}`]);
   if (report.live)
     list.push(['Skipped to keep up', report.live.skipped_to_keep_up], ['Frame to pose, 95 %', `${report.live.latency_ms.p95.toFixed(0)} ms`]);

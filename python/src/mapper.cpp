@@ -137,9 +137,18 @@ void reintegrate(GuardedMapper& m, const py::object& again, const std::optional<
   check_signals();
 }
 
-FinishReport finish(GuardedMapper& m, bool refine, bool adjust, const py::object& again, const py::object& progress) {
+Quality quality_of(const std::string& name) {
+  for (const Quality one : {Quality::fast, Quality::good, Quality::best})
+    if (to_string(one) == name) return one;
+  throw py::value_error("quality '" + name + "': use fast, good or best");
+}
+
+FinishReport finish(GuardedMapper& m, const std::optional<std::string>& quality, bool refine, bool adjust,
+                    const py::object& again, bool fuse_held_out, const py::object& progress) {
   Callback callback;
-  FinishOptions options{.refine = refine, .adjust = adjust};
+  FinishOptions options = finish_options(quality ? quality_of(*quality) : Quality::fast, nullptr);
+  options.refine |= refine, options.adjust |= adjust;
+  options.fuses_held_out = fuse_held_out;
   options.progress = [&](FinishStage stage, double fraction) {
     return callback.goes_on([&] {
       if (progress.is_none()) return true;
@@ -221,14 +230,18 @@ rig, and Error only if the device fails; the map so far remains.)")
 
 Starts another recording, at any place inside or outside the map. Its frames are lost until relocalized; after a while
 without relocalization they start a new component.)")
-      .def("finish", &finish, py::kw_only(), py::arg("refine") = false, py::arg("adjust") = false,
-           py::arg("reintegrate") = py::none(), py::arg("progress") = py::none(),
-           R"(finish(self, *, refine=False, adjust=False, reintegrate=None, progress=None)
+      .def(
+          "finish", &finish, py::kw_only(), py::arg("quality") = py::none(), py::arg("refine") = false,
+          py::arg("adjust") = false, py::arg("reintegrate") = py::none(), py::arg("fuse_held_out") = false,
+          py::arg("progress") = py::none(),
+          R"(finish(self, *, quality=None, refine=False, adjust=False, reintegrate=None, fuse_held_out=False, progress=None)
 --
 
 Finishes the map after the last frame: runs the requested stages, applies all pending loop closures and freezes the
-gravity direction. Returns a FinishReport. refine, adjust: as the methods of the same name. reintegrate: the same
-recording from its start, a Source or an iterable of Frames, for the method of the same name after adjust.
+gravity direction. Returns a FinishReport. quality: 'good' or 'best', as `cairn reconstruct --quality`: adjust, then
+reintegrate; the result is kept if held-out frames (Frame.held_out) confirm it. refine, adjust: as the methods of the
+same name. reintegrate: the same recording from its start, with the same frames held out, a Source or an iterable of
+Frames, for the method of the same name after adjust. fuse_held_out: fuses the held-out frames in the end.
 progress: called with the stage ('refine', 'adjust', 'reintegrate') and its completed fraction, 0 while unknown; if it
 returns False or raises, or on Ctrl-C, the stage ends as its method does, and the following stages are skipped.)")
       .def(

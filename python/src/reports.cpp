@@ -115,12 +115,30 @@ void add_map_reports(py::module_& m) {
         return repr("AdjustReport",
                     {{"keyframes", a.keyframes}, {"surfels", a.surfels}, {"observations", a.observations}});
       });
+  py::class_<HeldOutError>(m, "HeldOutError", "Errors of a map at held-out frames.")
+      .def_readonly("frames", &HeldOutError::frames, "Number of compared frames.")
+      .def_readonly("covered", &HeldOutError::covered,
+                    "Share of the measured points with a surface within the truncation.")
+      .def_readonly("depth_rmse", &HeldOutError::depth_rmse, "Meters, from these points to the surface.")
+      .def_readonly("brightness_rmse", &HeldOutError::brightness_rmse,
+                    "0 to 1, between images and the voxels' colors; 0: no color aligned with depth.")
+      .def_readonly("doubled", &HeldOutError::doubled,
+                    "Share of these points with another surface within 8 cm along their ray.")
+      .def("__repr__", [](const HeldOutError& e) {
+        return repr("HeldOutError", {{"frames", e.frames}, {"depth_rmse", e.depth_rmse}, {"doubled", e.doubled}});
+      });
   py::class_<FinishReport>(m, "FinishReport", "Result of Mapper.finish.")
       .def_readonly("refined", &FinishReport::refined,
                     "RefineReport; None if not requested, or skipped after a cancellation.")
       .def_readonly("adjusted", &FinishReport::adjusted,
                     "AdjustReport; None if not requested, or skipped after a cancellation.")
-      .def_readonly("is_reintegrated", &FinishReport::is_reintegrated, "True if all frames were fused again.");
+      .def_readonly("is_reintegrated", &FinishReport::is_reintegrated, "True if all frames were fused again.")
+      .def_readonly("has_fused_held_out", &FinishReport::has_fused_held_out, "True if these include held-out frames.")
+      .def_readonly("error_before", &FinishReport::error_before,
+                    "HeldOutError before the stages of a quality; None with too few held-out frames.")
+      .def_readonly("error", &FinishReport::error, "The same after the stages.")
+      .def_readonly("is_kept", &FinishReport::is_kept,
+                    "False if held-out frames did not confirm the stages; the map is then as before.");
   py::class_<FoundLoop>(m, "Loop", "Loop closure between two keyframes.")
       .def_readonly("start", &FoundLoop::from, "Timestamp of keyframe i, seconds.")
       .def_readonly("end", &FoundLoop::to, "Timestamp of keyframe j, seconds.")

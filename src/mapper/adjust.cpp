@@ -93,7 +93,7 @@ double error_reduction(Bundle& with, Bundle& without) {
   return before > 0 ? 1 - with.held_out_error() / before : 0;
 }
 
-/// Drops an estimated readout that held-out surfels do not confirm.
+/// Drops an estimated readout without confirmation by held-out surfels.
 void check_readout(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
   adjusted.readout = bundle.shutter().readout;
   adjusted.readout_sigma = bundle.readout_sigma();
@@ -107,7 +107,7 @@ void check_readout(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
   if (!adjusted.has_readout) bundle = std::move(global);
 }
 
-/// Drops an estimated depth correction that held-out surfels do not confirm.
+/// Drops an estimated depth correction without confirmation by held-out surfels.
 void check_correction(Bundle& bundle, AdjustReport& adjusted, Rounds& rounds) {
   if (rounds.is_stopped) return;
   Bundle without = bundle;

@@ -42,7 +42,7 @@ std::string_view to_string(Quality quality) {
 
 FinishOptions finish_options(Quality quality, Source* again) {
   if (quality == Quality::fast) return {};
-  constexpr int kMaxInterpolated = 2;  // two thirds of the time of a second pass that tracks every frame
+  constexpr int kMaxInterpolated = 2;
   return {.adjust = true,
           .reintegrate = again,
           .is_judged = true,

@@ -13,16 +13,14 @@ namespace cairn {
 namespace {
 
 constexpr int kMinFrames = 4;
+constexpr double kMaxShare = 0.95;               // of the truncation: distance to a surface
 constexpr double kSecondSurfaceDistance = 0.08;  // meters along the ray, on each side of a measurement
+constexpr double kMinSurfaceGap = 2.5;           // voxels between two surfaces
 constexpr double kRayStep = 0.75;                // voxels
-constexpr double kTolerance = 0.03;              // relative error by which depth or brightness may become worse
-constexpr double kDoubledTolerance = 0.003;      // share of the measurements that may become doubled
-constexpr std::uint32_t kMinColorWeight = 1;
-
-Rig rectified_rig(Rig rig, const Camera& rectified) {
-  rig.depth = rectified;
-  return rig;
-}
+// Tolerances of a change for the worse:
+constexpr double kErrorTolerance = 0.03;    // relative, of depth or brightness
+constexpr double kCoverTolerance = 0.02;    // share of the points
+constexpr double kDoubledTolerance = 0.01;  // same
 
 /// Reader of the voxels around a ray, with the brick of the last voxel at hand.
 class VoxelReader {
@@ -67,25 +65,24 @@ class VoxelReader {
 
 /// Sums over the measurements of one frame.
 struct Sums {
-  double points = 0, squared_depth = 0, doubled = 0, colored = 0, squared_brightness = 0;
+  double points = 0, covered = 0, squared_depth = 0, doubled = 0, colored = 0, squared_brightness = 0;
   void add(const Sums& other) {
-    points += other.points, squared_depth += other.squared_depth, doubled += other.doubled;
-    colored += other.colored, squared_brightness += other.squared_brightness;
+    points += other.points, covered += other.covered, squared_depth += other.squared_depth;
+    doubled += other.doubled, colored += other.colored, squared_brightness += other.squared_brightness;
   }
 };
 
-/// Number of front faces along the ray of a measurement at distance `range`.
-int front_faces(VoxelReader& voxels, const Eigen::Vector3d& camera, const Eigen::Vector3d& direction, double range,
-                double step) {
-  int faces = 0;
+/// True if the ray of a measurement at distance `range` meets the front of another surface.
+bool is_doubled(VoxelReader& voxels, const Eigen::Vector3d& camera, const Eigen::Vector3d& direction, double range,
+                double voxel_size) {
   bool is_in_front = false;
-  for (double at = range - kSecondSurfaceDistance; at <= range + kSecondSurfaceDistance; at += step) {
-    const std::uint64_t voxel = voxels.nearest(camera + at * direction);
+  for (double at = -kSecondSurfaceDistance; at <= kSecondSurfaceDistance; at += kRayStep * voxel_size) {
+    const std::uint64_t voxel = voxels.nearest(camera + (range + at) * direction);
     const bool is_positive = voxel != 0 && shader::voxel_distance(voxel) > 0;
-    faces += is_in_front && voxel != 0 && !is_positive;
+    if (is_in_front && voxel != 0 && !is_positive && std::abs(at) > kMinSurfaceGap * voxel_size) return true;
     is_in_front = is_positive;
   }
-  return faces;
+  return false;
 }
 
 double brightness_of(std::uint64_t voxel) {
@@ -106,12 +103,14 @@ Sums compare(const FrameSample& sample, const Camera& grid, const Eigen::Isometr
     const int x = static_cast<int>(i) % grid.width, y = static_cast<int>(i) / grid.width;
     const Eigen::Vector3d ray = static_cast<double>(depth[i]) * grid.ray(x, y);
     const Eigen::Vector3d point = world_from_camera * ray;
-    const double distance = std::min(truncation, std::abs(voxels.distance(point).value_or(truncation)));
-    ++sums.points, sums.squared_depth += distance * distance;
-    sums.doubled += front_faces(voxels, world_from_camera.translation(), world_from_camera.linear() * ray.normalized(),
-                                ray.norm(), kRayStep * voxel_size) > 1;
+    ++sums.points;
+    const std::optional<double> distance = voxels.distance(point);
+    if (!distance || std::abs(*distance) > kMaxShare * truncation) continue;
+    ++sums.covered, sums.squared_depth += *distance * *distance;
+    sums.doubled += is_doubled(voxels, world_from_camera.translation(), world_from_camera.linear() * ray.normalized(),
+                               ray.norm(), voxel_size);
     const std::uint64_t voxel = voxels.nearest(point);
-    if (sample.brightness.empty() || distance >= voxel_size || voxel >> 56 < kMinColorWeight) continue;
+    if (sample.brightness.empty() || std::abs(*distance) >= voxel_size || voxel >> 56 == 0) continue;
     const double difference = (brightness_of(voxel) - sample.brightness[i]) / 255;
     ++sums.colored, sums.squared_brightness += difference * difference;
   }
@@ -119,8 +118,6 @@ Sums compare(const FrameSample& sample, const Camera& grid, const Eigen::Isometr
 }
 
 }  // namespace
-
-HeldOutFrames::HeldOutFrames(const Rig& rig, const Camera& rectified) : samples_(rectified_rig(rig, rectified)) {}
 
 void HeldOutFrames::add(double timestamp, const FramePyramid& seen, const SurfaceOptions& options) {
   Frame images = seen.images();
@@ -142,19 +139,20 @@ std::optional<HeldOutError> HeldOutFrames::compare(const BrickTree& map, const F
   });
   Sums sums;
   for (const Sums& of_frame : all) sums.add(of_frame);
-  if (sums.points == 0) return std::nullopt;
+  if (sums.covered == 0) return std::nullopt;
   return HeldOutError{.frames = static_cast<int>(samples.size()),
-                      .depth_rmse = std::sqrt(sums.squared_depth / sums.points),
+                      .covered = sums.covered / sums.points,
+                      .depth_rmse = std::sqrt(sums.squared_depth / sums.covered),
                       .brightness_rmse = sums.colored > 0 ? std::sqrt(sums.squared_brightness / sums.colored) : 0,
-                      .doubled = sums.doubled / sums.points};
+                      .doubled = sums.doubled / sums.covered};
 }
 
 bool is_confirmed(const HeldOutError& before, const HeldOutError& after) {
   const auto ratio = [](double a, double b) { return b > 0 ? a / b : 1; };
   const double depth = ratio(after.depth_rmse, before.depth_rmse),
                brightness = ratio(after.brightness_rmse, before.brightness_rmse);
-  return std::max(depth, brightness) <= 1 + kTolerance && depth * brightness <= 1 &&
-         after.doubled <= before.doubled + kDoubledTolerance;
+  return std::max(depth, brightness) <= 1 + kErrorTolerance && depth * brightness <= 1 + kErrorTolerance / 3 &&
+         after.covered >= before.covered - kCoverTolerance && after.doubled <= before.doubled + kDoubledTolerance;
 }
 
 }  // namespace cairn

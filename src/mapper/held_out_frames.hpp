@@ -14,8 +14,7 @@ namespace cairn {
 /// Even sample of a run's held-out frames.
 class HeldOutFrames {
  public:
-  /// `rectified`: camera of the preprocessed frames.
-  HeldOutFrames(const Rig& rig, const Camera& rectified);
+  explicit HeldOutFrames(const Rig& rig) : samples_(rig) {}
   void add(double timestamp, const FramePyramid& seen, const SurfaceOptions& options);
   [[nodiscard]] bool empty() const { return samples_.all().empty(); }
   /// Compares the map with the frames at these poses (world_from_camera). `correction`: of depth, in addition to the
@@ -27,8 +26,8 @@ class HeldOutFrames {
   FrameSamples samples_;
 };
 
-/// True if the frames confirm a change of the map from `before` to `after`: neither depth nor brightness is clearly
-/// worse, nor is more of the surface doubled, and depth and brightness together are not worse.
+/// True if the frames confirm a change of the map from `before` to `after`: within tolerances, neither depth,
+/// brightness, coverage nor doubled surface becomes worse.
 [[nodiscard]] bool is_confirmed(const HeldOutError& before, const HeldOutError& after);
 
 }  // namespace cairn

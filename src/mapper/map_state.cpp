@@ -42,7 +42,7 @@ MapState::MapState(const Rig& r, const Options& o, Poses kind, int device_index,
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access, files.source_maps),
       tracker(device, r, preprocessor.camera(), o, back_end.keyframes(), back_end.images()),
-      held_out(r, preprocessor.camera()),
+      held_out(r),
       poses(kind == Poses::tracked
                 ? PoseSource(std::in_place_type<TrackedPoses>, rig, preprocessor, volume, back_end, tracker, repeats)
                 : PoseSource(std::in_place_type<GivenPoses>, rig, options, preprocessor, back_end)) {}

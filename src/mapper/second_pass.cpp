@@ -251,7 +251,7 @@ class PassFrames {
     fuse_waiting();
   }
   void fuse_held_out() {
-    for (const auto& [frame, pose] : held_out_) fuse(preprocess(frame), pose);
+    for (const auto& [frame, pose] : held_out_) fuse(preprocess(frame), pose, Integrator::kCarvingInterval);
   }
 
  private:
@@ -266,17 +266,26 @@ class PassFrames {
     const FramePyramid seen = preprocess(frame);
     const Eigen::Isometry3d pose = pass_.track(frame, seen, s_.volume);
     if (frame.held_out && options_.fuses_held_out) held_out_.push_back({frame, pose});
-    if (!frame.held_out && !pass_.is_keyframe(frame.timestamp)) fuse(seen, pose);  // keyframes are already fused
+    if (frame.held_out || pass_.is_keyframe(frame.timestamp)) return;  // keyframes are already fused
+    const auto motion = last_ ? std::optional<Eigen::Isometry3d>(last_->inverse() * pose) : std::nullopt;
+    fuse(seen, pose, s_.carving_interval(motion));
+    last_ = pose;
   }
+  /// Fuses every second frame between the last two tracked ones. Their views hardly differ: they need no color that has
+  /// to be registered, and carve nothing new.
   void fuse_waiting() {
-    for (const Frame& frame : waiting_) fuse(preprocess(frame), pass_.interpolate(frame.timestamp));
+    for (std::size_t i = 0; i < waiting_.size(); ++i) {
+      const Frame& frame = waiting_[i];
+      const Eigen::Isometry3d pose = pass_.interpolate(frame.timestamp);
+      if (i % 2 == 0)
+        fuse(s_.preprocessor.preprocess_for_fusion(frame, pass_.motion(frame.timestamp)), pose,
+             Integrator::kCarvingInterval);
+    }
     waiting_.clear();
   }
-  void fuse(const FramePyramid& seen, const Eigen::Isometry3d& pose) {
+  void fuse(const FramePyramid& seen, const Eigen::Isometry3d& pose, std::uint32_t carving_interval) {
     seen.register_color_to_depth();
-    const auto motion = last_ ? std::optional<Eigen::Isometry3d>(last_->inverse() * pose) : std::nullopt;
-    (void)s_.integrator.integrate(seen, pose, s_.volume, ++s_.fused_count, s_.carving_interval(motion));
-    last_ = pose;
+    (void)s_.integrator.integrate(seen, pose, s_.volume, ++s_.fused_count, carving_interval);
   }
 
   MapState& s_;
@@ -284,7 +293,7 @@ class PassFrames {
   const SecondPassOptions& options_;
   std::vector<Frame> waiting_;  // since the last tracked frame
   std::vector<HeldOut> held_out_;
-  std::optional<Eigen::Isometry3d> last_;  // pose of the last fused frame
+  std::optional<Eigen::Isometry3d> last_;  // pose of the last tracked and fused frame
 };
 
 /// Compares the new map with the held-out frames. Returns false if they do not confirm it.

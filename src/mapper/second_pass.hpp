@@ -12,7 +12,8 @@ namespace cairn {
 
 struct SecondPassOptions {
   DepthCorrection correction;  // of depth, in addition to the rig's
-  /// Maximum number of frames between two tracked frames, at small view changes; their poses are interpolated.
+  /// Maximum number of frames between two tracked frames, at small view changes: their poses are interpolated, and
+  /// every second of them is fused.
   int max_interpolated = 0;
   /// Fuses held-out frames, after the last frame.
   bool fuses_held_out = false;

@@ -87,21 +87,20 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
   if (rig.color) nearest_ = gpu::Buffer(device, nearest_bytes(color_view(rig.depth.rectified(), *rig.color)));
 }
 
-FramePyramid Preprocessor::preprocess(const Frame& frame, const MotionAt& motion) {
-  const Camera& camera = rig_.depth;
-  const auto width = static_cast<std::uint32_t>(camera.width), height = static_cast<std::uint32_t>(camera.height);
-  const bool has_color = frame.color.size() == pixels(rig_.color_view());
-  gpu::Batch batch(device_);
+/// Uploads a frame and removes distortion and rolling shutter.
+Preprocessor::Images Preprocessor::rectify(const Frame& frame, const MotionAt& motion, bool has_color,
+                                           gpu::Batch& batch) {
   batch.upload(raw_depth_, frame.depth);
   if (has_color) batch.upload(raw_color_, frame.color);
-  Images images{&raw_depth_, &raw_color_};
-  if (rectifier_) {
-    const float distance = camera.readout > 0 ? median_depth(frame.depth) : 0.0f;
-    (*rectifier_)(batch, motion, distance, raw_depth_, raw_color_);
-    images = {&rectifier_->depth(), &rectifier_->color()};
-  }
-  if (rig_.color) color_motion_ = shutter_motion(color_motion(rig_, motion), rig_.color->camera.readout);
-  if (rig_.color && has_color) find_nearest(*images.depth, batch);
+  if (!rectifier_) return {&raw_depth_, &raw_color_};
+  const float distance = rig_.depth.readout > 0 ? median_depth(frame.depth) : 0.0f;
+  (*rectifier_)(batch, motion, distance, raw_depth_, raw_color_);
+  return {&rectifier_->depth(), &rectifier_->color()};
+}
+
+void Preprocessor::filter(const Images& images, bool smooths, gpu::Batch& batch) {
+  const auto width = static_cast<std::uint32_t>(rig_.depth.width),
+             height = static_cast<std::uint32_t>(rig_.depth.height);
   filter_(batch, {(width + 3) / 4 + width % 2, (height + 1) / 2, 1},
           {.width = width,
            .height = height,
@@ -110,8 +109,32 @@ FramePyramid Preprocessor::preprocess(const Frame& frame, const MotionAt& motion
            .spatial = -0.5f / (options_.filter_sigma_pixels * options_.filter_sigma_pixels),
            .range = options_.filter_range,
            .edge_slope = options_.edge_slope,
+           .smooths = smooths,
            .halves = smooth_.size() > 1},
           {images.depth, images.color, &fusion_, &smooth_[0], smooth_.size() > 1 ? &smooth_[1] : &smooth_[0]});
+}
+
+FramePyramid Preprocessor::preprocess_for_fusion(const Frame& frame, const MotionAt& motion) {
+  const bool has_color = !rig_.color && frame.color.size() == pixels(rig_.depth);
+  gpu::Batch batch(device_);
+  filter(rectify(frame, motion, has_color, batch), false, batch);
+  batch.submit();
+  has_registered_color_ = true;
+  return {.levels = {},
+          .packed = {},
+          .fusion = &fusion_,
+          .has_color = has_color,
+          .register_color_to_depth = [] {},
+          .images = {}};
+}
+
+FramePyramid Preprocessor::preprocess(const Frame& frame, const MotionAt& motion) {
+  const bool has_color = frame.color.size() == pixels(rig_.color_view());
+  gpu::Batch batch(device_);
+  const Images images = rectify(frame, motion, has_color, batch);
+  if (rig_.color) color_motion_ = shutter_motion(color_motion(rig_, motion), rig_.color->camera.readout);
+  if (rig_.color && has_color) find_nearest(*images.depth, batch);
+  filter(images, true, batch);
   has_registered_color_ = !rig_.color || !has_color;
   if (finest_level_ == 0) register_color_to_depth(*images.depth, batch);
   make_pyramid(batch, has_color);

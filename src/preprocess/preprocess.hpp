@@ -19,6 +19,8 @@ class Preprocessor {
   Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOptions& options, int levels, int finest_level);
   /// `motion`: of the camera while the frame is taken, for rolling shutters.
   [[nodiscard]] FramePyramid preprocess(const Frame& frame, const MotionAt& motion = at_velocity(Vector6d::Zero()));
+  /// The fusion image alone, without levels; without color if it needs registration.
+  [[nodiscard]] FramePyramid preprocess_for_fusion(const Frame& frame, const MotionAt& motion);
   /// Camera of the finest level: the source's depth camera, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 
@@ -27,6 +29,8 @@ class Preprocessor {
   struct Images {
     const gpu::Buffer *depth, *color;
   };
+  [[nodiscard]] Images rectify(const Frame& frame, const MotionAt& motion, bool has_color, gpu::Batch& batch);
+  void filter(const Images& images, bool smooths, gpu::Batch& batch);
   void find_nearest(const gpu::Buffer& depth, gpu::Batch& batch);
   void register_color_to_depth(const gpu::Buffer& depth, gpu::Batch& batch);
   void make_pyramid(gpu::Batch& batch, bool has_color);

@@ -6,6 +6,8 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <functional>
 #include <stdexcept>
 
@@ -80,6 +82,11 @@ fs::path shared_map(const fs::path& recording, const std::vector<std::string>& a
   return made_once(joined("map_of_" + recording.filename().string(), arguments), [&](const std::string& output) {
     std::vector<std::string> all{"reconstruct", recording.string(), "-o", output, "--no-texture"};
     all.insert(all.end(), arguments.begin(), arguments.end());
+    const auto chooses_stages = [](const std::string& argument) {
+      return std::ranges::count(std::array{"--refine", "--adjust", "--reintegrate", "--poses", "--quality"}, argument) >
+             0;
+    };
+    if (std::ranges::none_of(arguments, chooses_stages)) all.insert(all.end(), {"--quality", "fast"});
     return run_cairn(all);
   });
 }

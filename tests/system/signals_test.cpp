@@ -171,7 +171,7 @@ TEST_F(Signals, EndTheCurrentStageAndWriteAllFiles) {
       if (!current.contains("interrupted")) continue;
       report = current;
       EXPECT_NE(ran.err.find("interrupt again to end at once"), std::string::npos) << ran.err;
-      EXPECT_NE(ran.out.find(std::string("interrupted in --") + stage + "; resume with: "), std::string::npos)
+      EXPECT_NE(ran.out.find(std::string("interrupted in the stage ") + stage + "; resume with: "), std::string::npos)
           << ran.out;
       EXPECT_NE(ran.out.find("--reintegrate --resume"), std::string::npos) << ran.out;
       for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt", "report.html"})

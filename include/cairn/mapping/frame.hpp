@@ -32,7 +32,8 @@ struct Frame {
                                   ///< readout
   /// Pose estimate from an external odometry (a phone, wheels): world_from_camera in its own world frame.
   std::optional<Eigen::Isometry3d> guess;
-  /// Held-out frame for evaluation: a Mapper estimates its pose but never adds its data to the map.
+  /// Held-out frame for evaluation: a Mapper estimates its pose, but adds its data to the map at most in the end, see
+  /// FinishOptions::fuses_held_out.
   bool held_out = false;
   std::optional<std::string> problem;  ///< reason for an unreadable frame, in one line; its images are then empty
 };

@@ -149,9 +149,10 @@ enum class FinishStage { refine, adjust, reintegrate };
 /// Errors of a map at held-out frames, see Frame::held_out.
 struct HeldOutError {
   int frames = 0;
-  double depth_rmse = 0;       ///< meters, from measured points to the surface; at most the truncation each
+  double covered = 0;          ///< share of the measured points with a surface within the truncation
+  double depth_rmse = 0;       ///< meters, from these points to the surface
   double brightness_rmse = 0;  ///< 0 to 1, between images and the voxels' colors; 0: no color aligned with depth
-  double doubled = 0;          ///< share of the points with another surface within 8 cm along their ray
+  double doubled = 0;          ///< share of these points with another surface within 8 cm along their ray
 };
 
 /// Result of Mapper::finish.

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Stages after the last frame, judged by held-out frames.
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "cairn/io/source.hpp"
+#include "cairn/mapping/mapper.hpp"
+#include "mapper/held_out_frames.hpp"
+#include "support/scenes.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr int kFrames = 40, kHeldOut = 5;
+const Camera kSmall = small_camera();
+
+/// The room, every eighth frame held out. `depth_factor`: multiplies all depth.
+std::unique_ptr<Source> room(float depth_factor = 1) {
+  static const std::vector<Frame> rendered = [] {
+    std::vector<Frame> frames;
+    for (int i = 0; i < kFrames; ++i) frames.push_back(scene_frame(synthetic_scene("room"), kSmall, i, true));
+    return frames;
+  }();
+  std::vector<Frame> frames = rendered;
+  for (Frame& frame : frames)
+    for (float& z : frame.depth) z *= depth_factor;
+  return hold_out(std::make_unique<GivenFrames>(kSmall, frames), {.every = kFrames / kHeldOut});
+}
+
+Mapper mapped() {
+  Options options{.fuse = {.voxel_size = 0.02f, .truncation = 0.08f}};
+
+  Mapper mapper(kSmall, options);
+  const auto source = room();
+  while (const auto frame = source->next())
+    EXPECT_EQ(mapper.add(*frame).state, frame->held_out ? FrameState::held_out : FrameState::fused) << frame->index;
+  return mapper;
+}
+
+double largest_error(const Mapper& mapper) {
+  const Scene scene = synthetic_scene("room");
+  const Trajectory poses = mapper.trajectory();
+  const Eigen::Isometry3d aligned =
+      scene.world_from_camera(poses.front().timestamp) * poses.front().world_from_camera.inverse();
+  double largest = 0;
+  for (const StampedPose& pose : poses)
+    largest = std::max(largest, ((aligned * pose.world_from_camera).translation() -
+                                 scene.world_from_camera(pose.timestamp).translation())
+                                    .norm());
+  return largest;
+}
+
+TEST(Quality, KeepsStagesThatHeldOutFramesConfirmAndFusesTheseFrames) {
+  Mapper mapper = mapped();
+  const auto again = room();
+  FinishOptions options = finish_options(Quality::good, again.get());
+  options.fuses_held_out = true;
+  const FinishReport report = mapper.finish(options);
+  ASSERT_TRUE(report.error_before && report.error);
+  EXPECT_EQ(report.error->frames, kHeldOut);
+  EXPECT_LT(report.error->depth_rmse, 0.02);
+  EXPECT_LE(report.error->depth_rmse, 1.03 * report.error_before->depth_rmse);
+  EXPECT_TRUE(report.is_kept && report.is_reintegrated && report.has_fused_held_out);
+  EXPECT_EQ(mapper.trajectory().size(), static_cast<std::size_t>(kFrames));
+  EXPECT_LT(largest_error(mapper), 0.01);
+}
+
+TEST(Quality, KeepsTheTrackedMapIfHeldOutFramesContradictTheNewMap) {
+  Mapper mapper = mapped(), tracked = mapped();
+  tracked.freeze_gravity();
+  const auto wrong = room(1.04f);
+  FinishOptions options = finish_options(Quality::best, wrong.get());
+  options.fuses_held_out = true;
+  const FinishReport report = mapper.finish(options);
+  ASSERT_TRUE(report.error_before && report.error);
+  EXPECT_GT(report.error->depth_rmse, 1.1 * report.error_before->depth_rmse);
+  EXPECT_FALSE(report.is_kept || report.is_reintegrated || report.has_fused_held_out);
+  const Mesh mesh = mapper.map().mesh(), expected = tracked.map().mesh();
+  EXPECT_FALSE(mesh.triangles.empty());
+  EXPECT_TRUE(mesh.positions == expected.positions && mesh.triangles == expected.triangles);
+  ASSERT_EQ(mapper.trajectory().size(), tracked.trajectory().size());
+  for (std::size_t i = 0; i < mapper.trajectory().size(); ++i)
+    EXPECT_EQ(mapper.trajectory()[i].world_from_camera.matrix(), tracked.trajectory()[i].world_from_camera.matrix());
+  EXPECT_EQ(mapper.rig().depth_correction, tracked.rig().depth_correction);
+}
+
+TEST(Quality, KeepsStagesWithoutHeldOutFrames) {
+  Mapper mapper(kSmall, {.fuse = {.voxel_size = 0.02f, .truncation = 0.08f}});
+  std::vector<Frame> frames;
+  for (int i = 0; i < 10; ++i) frames.push_back(scene_frame(synthetic_scene("room"), kSmall, 2 * i));
+  for (const Frame& frame : frames) (void)mapper.add(frame);
+  GivenFrames again(kSmall, frames);
+  const FinishReport report = mapper.finish(finish_options(Quality::good, &again));
+  EXPECT_FALSE(report.error_before || report.error);
+  EXPECT_TRUE(report.is_kept && report.is_reintegrated);
+}
+
+TEST(Quality, OfFastRunsNoStage) {
+  const FinishOptions options = finish_options(Quality::fast, nullptr);
+  EXPECT_FALSE(options.refine || options.adjust || options.reintegrate != nullptr || options.is_judged);
+}
+
+TEST(Quality, IsConfirmedByDepthAndBrightnessTogether) {
+  const HeldOutError before{.frames = 8, .covered = 0.9, .depth_rmse = 0.01, .brightness_rmse = 0.1, .doubled = 0.05};
+  const auto is_confirmed_with = [&](double covered, double depth, double brightness, double doubled) {
+    return is_confirmed(
+        before,
+        {.frames = 8, .covered = covered, .depth_rmse = depth, .brightness_rmse = brightness, .doubled = doubled});
+  };
+  EXPECT_TRUE(is_confirmed_with(0.9, 0.01, 0.1, 0.05));
+  EXPECT_TRUE(is_confirmed_with(0.9, 0.0102, 0.09, 0.05));    // slightly worse depth, better brightness
+  EXPECT_FALSE(is_confirmed_with(0.9, 0.0102, 0.102, 0.05));  // slightly worse
+  EXPECT_FALSE(is_confirmed_with(0.9, 0.012, 0.05, 0.05));    // clearly worse depth
+  EXPECT_FALSE(is_confirmed_with(0.9, 0.009, 0.11, 0.05));    // clearly worse brightness
+  EXPECT_FALSE(is_confirmed_with(0.85, 0.009, 0.09, 0.05));   // less surface
+  EXPECT_FALSE(is_confirmed_with(0.9, 0.009, 0.09, 0.07));    // more of the surface is doubled
+}
+
+}  // namespace
+}  // namespace cairn
