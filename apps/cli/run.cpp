@@ -118,6 +118,7 @@ std::string RunProgress::note() const {
                       {"next", next},
                       {"hold_out", to_json(hold_out)},
                       {"judges", judges},
+                      {"improved", improved},
                       {"frames", frames.save()},
                       {"evidence", evidence}});
 }
@@ -128,6 +129,7 @@ RunProgress RunProgress::from(const std::string& note) {
           .next = j.at("next"),
           .hold_out = j.contains("hold_out") ? hold_out_from(j["hold_out"]) : HoldOut{},
           .judges = j.value("judges", false),
+          .improved = j.value("improved", false),
           .frames = FrameLog::from(j.at("frames")),
           .evidence = j.value("evidence", "")};
 }
@@ -272,6 +274,7 @@ FrameReport Run::add(const Frame& frame, double waited_ms) {
   report.stage_ms["wait for decoding"] = waited_ms;
   for (const auto& [stage, ms] : report.stage_ms) stages_[stage].add(ms);
   progressed_.next = report.index + 1;
+  progressed_.improved = false;
   progressed_.frames.add(to_json(report));
   if (std::chrono::duration<double>(Clock::now() - saved_).count() >= arguments_.checkpoint_seconds) {
     checkpoint();

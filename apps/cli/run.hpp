@@ -79,7 +79,8 @@ struct RunProgress {
   std::string recording;  // see identity()
   int next = 0;           // frame
   HoldOut hold_out;
-  bool judges = false;  // the held-out frames judge the quality, and join the map in the end
+  bool judges = false;    // the held-out frames judge the quality, and join the map in the end
+  bool improved = false;  // the stages of a quality have run on these frames
   FrameLog frames;
   std::string evidence;  // Evidence::save
 
@@ -112,6 +113,8 @@ class Run {
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Frames with a pose that are not part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
+  /// Records that the stages of a quality have run. A resumed run without new frames does not repeat them.
+  void improved() { progressed_.improved = true; }
   /// Records that the held-out frames have joined the map.
   void fused_held_out() { progressed_.frames.replace("held_out", "fused"); }
   /// Discards the results of this run, including saved state, and restarts at the next frame: with an empty map, or

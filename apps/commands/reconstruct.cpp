@@ -222,7 +222,12 @@ std::string gain(const FinishReport& finished) {
   if (before.brightness_rmse > 0)
     text += fmt::format(", brightness {:.1f} -> {:.1f} %", 100 * before.brightness_rmse, 100 * after.brightness_rmse);
   text += fmt::format(" in {} held-out frames", after.frames);
-  return finished.is_kept ? text : "the map as tracked, since the adjusted map is worse: " + text;
+  if (!finished.is_kept) return "the map as tracked, since the adjusted map is worse: " + text;
+  if (finished.adjusted && finished.adjusted->has_readout)
+    text +=
+        fmt::format("; a rolling shutter of about {:.0f} ms: `cairn calibrate --shutter` for more accurate tracking",
+                    1000 * finished.adjusted->readout);
+  return text;
 }
 
 /// Improves the complete map after the last frame. A signal ends the current stage and keeps its previous result; an
@@ -251,6 +256,7 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
     finished = run.mapper().finish(options);
   }
   if (finished.has_fused_held_out) run.fused_held_out();
+  if (!a.is_expert() && !interrupt.requested()) run.improved();
   nlohmann::json results;
   if (!a.is_expert())
     results["quality"] = {{"requested", to_string(quality)}, {"kept", finished.is_kept}, {"words", gain(finished)}};
@@ -259,7 +265,7 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
   if (finished.refined) results["refined"] = to_json(*finished.refined);
   if (finished.adjusted) {
     results["adjusted"] = to_json(*finished.adjusted);
-    warn_of_errors(*finished.adjusted, finished.is_reintegrated, run);
+    if (a.is_expert()) warn_of_errors(*finished.adjusted, finished.is_reintegrated, run);
   }
   return results;
 }
@@ -292,7 +298,9 @@ void reconstruct(const Arguments& requested) {
   const std::optional<int> count = source->size();
   const int read = add_frames(a, *source, run, interrupt);
   if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
-  const nlohmann::json results = run.stopped() ? nlohmann::json() : improve(a, begin.progressed, given, run, interrupt);
+  const bool is_improved = read == 0 && begin.progressed.improved;
+  const bool is_final = run.stopped() || (is_improved && !a.is_expert());
+  const nlohmann::json results = is_final ? nlohmann::json() : improve(a, begin.progressed, given, run, interrupt);
   interrupt.set_message(kWriting);
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)
