@@ -23,7 +23,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
 // Frames held out to judge --quality: every n-th, not in shorter recordings.
-constexpr int kMinJudgedFrames = 40, kHeldOutFrames = 14, kMinHeldOutInterval = 8, kStreamHeldOutInterval = 40;
+constexpr int kMinJudgedFrames = 60, kHeldOutFrames = 14, kMinHeldOutInterval = 8, kStreamHeldOutInterval = 40;
 
 struct Arguments : RunArguments {
   fs::path poses, guess;

@@ -62,6 +62,8 @@ FinishReport Mapper::finish(const FinishOptions& options) {
   const bool is_again = options.reintegrate != nullptr;
   if (options.is_judged && (options.refine || options.adjust || is_again)) report.error_before = s.held_out_error();
   OptimizedPoses before(s.back_end.atlas());
+  const bool was_undeformed = s.back_end.is_undeformed();
+  std::vector<Frame> held_out;
   if (options.refine) report.refined = refine(progress_of(FinishStage::refine));
   if ((options.adjust || is_again) && goes_on) report.adjusted = adjust(progress_of(FinishStage::adjust));
   if (is_again && goes_on) {
@@ -70,22 +72,23 @@ FinishReport Mapper::finish(const FinishOptions& options) {
     const auto progress = [&, goes_on_at = progress_of(FinishStage::reintegrate)](int frames) {
       return goes_on_at(count > 0 ? std::min(1.0, static_cast<double>(frames) / count) : 0.0);
     };
-    const SecondPassResult result =
-        cairn::reintegrate(s, *options.reintegrate,
-                           {.correction = report.adjusted->correction,
-                            .max_interpolated = options.max_interpolated,
-                            .fuses_held_out = options.fuses_held_out,
-                            .before = report.error_before ? &*report.error_before : nullptr},
-                           progress);
+    SecondPassResult result = cairn::reintegrate(s, *options.reintegrate,
+                                                 {.correction = report.adjusted->correction,
+                                                  .max_interpolated = options.max_interpolated,
+                                                  .fuses_held_out = options.fuses_held_out,
+                                                  .before = report.error_before ? &*report.error_before : nullptr},
+                                                 progress);
     report.is_reintegrated = result.is_replaced;
     report.has_fused_held_out = result.has_fused_held_out;
     report.error = result.error;
+    held_out = std::move(result.held_out);
   }
   if (report.error_before && !report.error) report.error = s.held_out_error();
   if (report.error_before && report.error && !is_confirmed(*report.error_before, *report.error)) {
     std::move(before).restore(s.back_end.atlas());
     s.cached_volume.reset();
     report.is_kept = false;
+    if (was_undeformed && !held_out.empty()) fuse_held_out(s, held_out), report.has_fused_held_out = true;
   }
   freeze_gravity();
   return report;

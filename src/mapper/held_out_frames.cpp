@@ -17,8 +17,8 @@ constexpr double kMaxShare = 0.95;               // of the truncation: distance 
 constexpr double kSecondSurfaceDistance = 0.08;  // meters along the ray, on each side of a measurement
 constexpr double kMinSurfaceGap = 2.5;           // voxels between two surfaces
 constexpr double kRayStep = 0.75;                // voxels
-// Tolerances of a change for the worse:
-constexpr double kErrorTolerance = 0.03;    // relative, of depth or brightness
+// Tolerances of a change for the worse: noise of a dozen frames, and of fewer fused frames.
+constexpr double kErrorTolerance = 0.05;    // relative, of depth, brightness, and their product
 constexpr double kCoverTolerance = 0.02;    // share of the points
 constexpr double kDoubledTolerance = 0.01;  // same
 
@@ -151,7 +151,7 @@ bool is_confirmed(const HeldOutError& before, const HeldOutError& after) {
   const auto ratio = [](double a, double b) { return b > 0 ? a / b : 1; };
   const double depth = ratio(after.depth_rmse, before.depth_rmse),
                brightness = ratio(after.brightness_rmse, before.brightness_rmse);
-  return std::max(depth, brightness) <= 1 + kErrorTolerance && depth * brightness <= 1 + kErrorTolerance / 3 &&
+  return std::max({depth, brightness, depth * brightness}) <= 1 + kErrorTolerance &&
          after.covered >= before.covered - kCoverTolerance && after.doubled <= before.doubled + kDoubledTolerance;
 }
 

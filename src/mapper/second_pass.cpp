@@ -250,6 +250,11 @@ class PassFrames {
     }
     fuse_waiting();
   }
+  [[nodiscard]] std::vector<Frame> take_held_out() {
+    std::vector<Frame> frames;
+    for (HeldOut& held_out : held_out_) frames.push_back(std::move(held_out.frame));
+    return frames;
+  }
   void fuse_held_out() {
     for (const auto& [frame, pose] : held_out_) fuse(preprocess(frame), pose, Integrator::kCarvingInterval);
   }
@@ -313,7 +318,10 @@ bool fuse_again(MapState& s, const TrackedPoses&, CountedFrames& frames, const S
   pass.fuse_keyframes(s.integrator, s.volume, s.fused_count, [&] { frames.check_canceled(); });
   PassFrames all(s, pass, options);
   all.fuse(frames);
-  if (!is_accepted(s, pass.poses(), options, result)) return false;
+  if (!is_accepted(s, pass.poses(), options, result)) {
+    result.held_out = all.take_held_out();
+    return false;
+  }
   if (options.fuses_held_out) all.fuse_held_out(), result.has_fused_held_out = true;
   pass.rebase(since);
   return true;
@@ -348,7 +356,19 @@ SecondPassResult reintegrate(MapState& s, Source& source, const SecondPassOption
   if (is_done && result.is_replaced) return result;
   s.rig.depth_correction = known;
   s.volume.restore(std::move(before), saved_volume);
-  return {.error = result.error};
+  return {.error = result.error, .held_out = std::move(result.held_out)};
+}
+
+void fuse_held_out(MapState& s, const std::vector<Frame>& frames) {
+  const Atlas& atlas = s.back_end.atlas();
+  const Trajectory poses = atlas.trajectory(atlas.main_component(), 0, atlas.frames.size());
+  for (const Frame& frame : frames) {
+    const auto pose = pose_at(poses, frame.timestamp, 0);
+    if (!pose) continue;
+    const FramePyramid seen = s.preprocessor.preprocess(frame, at_velocity(velocity_at(poses, frame.timestamp)));
+    seen.register_color_to_depth();
+    (void)s.integrator.integrate(seen, *pose, s.volume, ++s.fused_count);
+  }
 }
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 #pragma once
 #include <functional>
 #include <optional>
+#include <vector>
 
 #include "mapper/map_state.hpp"
 
@@ -25,10 +26,14 @@ struct SecondPassResult {
   bool is_replaced = false;           // false: the map is as before
   std::optional<HeldOutError> error;  // of the new map, with SecondPassOptions::before
   bool has_fused_held_out = false;
+  std::vector<Frame> held_out;  // of a discarded map, with SecondPassOptions::fuses_held_out
 };
 
 /// Implements Mapper::reintegrate. `progress` receives the number of frames so far.
 [[nodiscard]] SecondPassResult reintegrate(MapState& state, Source& source, const SecondPassOptions& options,
                                            const std::function<bool(int)>& progress);
+
+/// Fuses held-out frames into a map of a single submap, at their poses.
+void fuse_held_out(MapState& state, const std::vector<Frame>& frames);
 
 }  // namespace cairn

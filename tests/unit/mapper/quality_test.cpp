@@ -72,11 +72,10 @@ TEST(Quality, KeepsTheTrackedMapIfHeldOutFramesContradictTheNewMap) {
   tracked.freeze_gravity();
   const auto wrong = room(1.04f);
   FinishOptions options = finish_options(Quality::best, wrong.get());
-  options.fuses_held_out = true;
   const FinishReport report = mapper.finish(options);
   ASSERT_TRUE(report.error_before && report.error);
   EXPECT_GT(report.error->depth_rmse, 1.1 * report.error_before->depth_rmse);
-  EXPECT_FALSE(report.is_kept || report.is_reintegrated || report.has_fused_held_out);
+  EXPECT_FALSE(report.is_kept || report.is_reintegrated);
   const Mesh mesh = mapper.map().mesh(), expected = tracked.map().mesh();
   EXPECT_FALSE(mesh.triangles.empty());
   EXPECT_TRUE(mesh.positions == expected.positions && mesh.triangles == expected.triangles);
@@ -84,6 +83,18 @@ TEST(Quality, KeepsTheTrackedMapIfHeldOutFramesContradictTheNewMap) {
   for (std::size_t i = 0; i < mapper.trajectory().size(); ++i)
     EXPECT_EQ(mapper.trajectory()[i].world_from_camera.matrix(), tracked.trajectory()[i].world_from_camera.matrix());
   EXPECT_EQ(mapper.rig().depth_correction, tracked.rig().depth_correction);
+}
+
+TEST(Quality, FusesHeldOutFramesIntoTheTrackedMapToo) {
+  Mapper mapper = mapped();
+  const auto wrong = room(1.04f);
+  FinishOptions options = finish_options(Quality::good, wrong.get());
+  options.fuses_held_out = true;
+  const auto bricks = mapper.statistics().bricks;
+  const FinishReport report = mapper.finish(options);
+  EXPECT_FALSE(report.is_kept);
+  EXPECT_TRUE(report.has_fused_held_out);
+  EXPECT_GE(mapper.statistics().bricks, bricks);
 }
 
 TEST(Quality, KeepsStagesWithoutHeldOutFrames) {
@@ -111,7 +122,7 @@ TEST(Quality, IsConfirmedByDepthAndBrightnessTogether) {
   };
   EXPECT_TRUE(is_confirmed_with(0.9, 0.01, 0.1, 0.05));
   EXPECT_TRUE(is_confirmed_with(0.9, 0.0102, 0.09, 0.05));    // slightly worse depth, better brightness
-  EXPECT_FALSE(is_confirmed_with(0.9, 0.0102, 0.102, 0.05));  // slightly worse
+  EXPECT_FALSE(is_confirmed_with(0.9, 0.0103, 0.103, 0.05));  // slightly worse
   EXPECT_FALSE(is_confirmed_with(0.9, 0.012, 0.05, 0.05));    // clearly worse depth
   EXPECT_FALSE(is_confirmed_with(0.9, 0.009, 0.11, 0.05));    // clearly worse brightness
   EXPECT_FALSE(is_confirmed_with(0.85, 0.009, 0.09, 0.05));   // less surface
