@@ -513,7 +513,7 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
   if (!is_fine && tolerance_ <= kFinalTolerance && !finds_cameras_) error = held_out_error();
   double readout = shared_.shutter.readout;
   for (int round = 0; round < (is_fine ? kMaxFineRounds : kMaxRounds); ++round) {
-    if (!is_fine) momentum.apply(poses_);
+    if (!is_fine && !finds_cameras_) momentum.apply(poses_);  // unobserved cameras would drift faster
     if (round % kSamplingInterval == 0) sample(Cells::adjusted);
     associate();
     if (surfels_.empty()) return;

@@ -45,7 +45,7 @@ const inMeters = (words) => Number(words.split(' ')[0]) * { m: 1, cm: 0.01, mm: 
 test('known edges are measured within 5 mm', { timeout: 280000 }, () => inFolder(async (folder) => {
   const out = join(folder, 'map'), recording = join(folder, 'recording');
   run('synth', 'room', '-o', recording, '--frames', '1');
-  run('reconstruct', 'synthetic:room', '-o', out, '--no-texture');
+  run('reconstruct', 'synthetic:room', '-o', out, '--no-texture', '--quality', 'fast');
   const scene = readFileSync(join(recording, 'groundtruth.txt'), 'utf8').trim().split('\n').at(-1).split(' ').map(Number);
   const program = new Program('view', out, '--port', '0'), url = await program.url();
   const end = async () => { program.kill('SIGINT'); await program.ended; };
