@@ -16,7 +16,7 @@ namespace cairn {
 namespace {
 
 // Pixels of a view per side of a cell; one surfel per cell.
-constexpr int kCoarseCell = 12, kCamerasCell = 8, kFineCell = 4;
+constexpr int kCoarseCell = 12, kMediumCell = 8, kFineCell = 4;
 constexpr std::size_t kMaxCoarseViews = 16, kMaxFineViews = 8;  // per surfel
 constexpr double kManyViews = 60;                               // cells grow with more views, to bound the work
 constexpr double kMaxCoarsening = 3;                            // max. factor of this growth
@@ -505,7 +505,7 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
   if (views_.size() < 2) return;
   const bool is_fine = detail == Detail::fine;
   const double coarsening = std::clamp(std::sqrt(static_cast<double>(views_.size()) / kManyViews), 1.0, kMaxCoarsening);
-  cell_ = static_cast<int>(coarsening * (is_fine ? kFineCell : finds_cameras_ ? kCamerasCell : kCoarseCell));
+  cell_ = static_cast<int>(coarsening * (is_fine ? kFineCell : detail == Detail::medium ? kMediumCell : kCoarseCell));
   max_views_ = is_fine ? kMaxFineViews : kMaxCoarseViews;
   if (is_fine) tolerance_ = kFinalTolerance;
   Momentum momentum;
@@ -513,7 +513,7 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
   if (!is_fine && tolerance_ <= kFinalTolerance && !finds_cameras_) error = held_out_error();
   double readout = shared_.shutter.readout;
   for (int round = 0; round < (is_fine ? kMaxFineRounds : kMaxRounds); ++round) {
-    if (!is_fine && !finds_cameras_) momentum.apply(poses_);  // unobserved cameras would drift faster
+    if (detail == Detail::coarse) momentum.apply(poses_);
     if (round % kSamplingInterval == 0) sample(Cells::adjusted);
     associate();
     if (surfels_.empty()) return;

@@ -54,8 +54,8 @@ class Bundle {
   /// Adds an odometry edge between two views. The edge is heavy-tailed, see weight_of_step().
   void add_edge(const PoseGraph::Edge& edge);
   void clear_edges() { edges_.clear(); }
-  /// Density of the surfels: coarse for convergence, fine for accuracy.
-  enum class Detail { coarse, fine };
+  /// Density of the surfels: coarse for convergence, fine for accuracy; medium for cameras, which converge slowly.
+  enum class Detail { coarse, medium, fine };
   /// Adjusts all views except the first, which is fixed. The readout is 0 unless it is estimated. `goes_on` is called
   /// after each round; if it returns false, the current state is kept.
   void adjust(bool finds_readout, Detail detail, const std::function<bool()>& goes_on = {});

@@ -184,7 +184,7 @@ namespace {
 Bundle with_cameras(Bundle bundle) {
   bundle.clear_edges();  // measured with cameras that may be wrong
   bundle.find_cameras(), bundle.find_correction();
-  bundle.adjust(true, Bundle::Detail::coarse);
+  bundle.adjust(true, Bundle::Detail::medium);
   return bundle;
 }
 
@@ -199,7 +199,7 @@ AdjustedCameras adjust_cameras(BackEnd& back_end, const Rig& rig, double clock_o
   if (keyframes.size() < kMinKeyframes) return found;
   Bundle uncalibrated = bundle_of(back_end, rig, clock_offset, keyframes);
   Bundle bundle = with_cameras(uncalibrated);
-  uncalibrated.clear_edges(), uncalibrated.adjust(false, Bundle::Detail::coarse);
+  uncalibrated.clear_edges(), uncalibrated.adjust(false, Bundle::Detail::medium);
   found.error_reduction = error_reduction(bundle, uncalibrated);
   found.rig = bundle.rig();
   found.rig.depth_correction = rig.depth_correction.compose(bundle.correction());

@@ -227,7 +227,7 @@ TEST(Bundle, EstimatesTheCameras) {
   Bundle without_cameras = bundle_of(views, views.poses), bundle = without_cameras;
   bundle.find_cameras();
   bundle.find_correction(), without_cameras.find_correction();
-  bundle.adjust(true, Bundle::Detail::coarse), without_cameras.adjust(true, Bundle::Detail::coarse);
+  bundle.adjust(true, Bundle::Detail::medium), without_cameras.adjust(true, Bundle::Detail::medium);
   const Camera found = bundle.rig().depth;
   std::printf("f %.2f %.2f, c %.2f %.2f, k1 %.4f, readout %.2f +- %.2f ms, clock %.2f ms\n", found.fx, found.fy,
               found.cx, found.cy, found.distortion[0], 1000 * bundle.shutter().readout, 1000 * bundle.readout_sigma(),
