@@ -544,8 +544,6 @@ void add_report_options(CLI::App& command, RunArguments& a) {
 
 CLI::Option* add_quality(CLI::App& command, Quality& quality) {
   static constexpr std::array kQualities{Quality::fast, Quality::good, Quality::best};
-  std::vector<std::string> names;
-  for (const Quality one : kQualities) names.emplace_back(to_string(one));
   return command
       .add_option_function<std::string>(
           "--quality",
@@ -555,7 +553,7 @@ CLI::Option* add_quality(CLI::App& command, Quality& quality) {
           },
           "Effort after the last frame: fast (none), good (keyframes adjusted jointly, and all frames fused again) or "
           "best (the same, with every frame tracked again); kept if frames held out until the end confirm it [good]")
-      ->check(CLI::IsMember(names))
+      ->check(CLI::IsMember({"fast", "good", "best"}))
       ->type_name("NAME");
 }
 

@@ -308,6 +308,28 @@ void reconstruct(const Arguments& requested) {
   exit_with(run.finish(results));
 }
 
+/// Adds the options for the stages after the last frame.
+void add_stages(CLI::App& command, const std::shared_ptr<Arguments>& a, CLI::Option* poses) {
+  auto* quality = add_quality(command, a->quality)->excludes(poses);
+  command
+      .add_flag("--refine", a->refine,
+                "Align keyframes with each other after the last frame and deform the map to the optimized pose graph")
+      ->excludes(poses)
+      ->excludes(quality);
+  command
+      .add_flag("--adjust", a->adjust,
+                "Jointly adjust keyframe poses, the surface, the readout time and the depth error after the last "
+                "frame, by depth and brightness, and deform the map accordingly")
+      ->excludes(poses)
+      ->excludes(quality);
+  command
+      .add_flag("--reintegrate", a->reintegrate,
+                "Like --adjust, but then track the frames between keyframes again and fuse all frames with corrected "
+                "depth instead of deforming the map")
+      ->excludes(poses)
+      ->excludes(quality);
+}
+
 }  // namespace
 
 void add_reconstruct(CLI::App& program) {
@@ -352,24 +374,7 @@ void add_reconstruct(CLI::App& program) {
       ->add_flag("--no-mesh", a->no_mesh,
                  "Write only the session, the trajectory and report.json: for a segment of a project")
       ->excludes(poses);
-  auto* quality = add_quality(*command, a->quality)->excludes(poses);
-  command
-      ->add_flag("--refine", a->refine,
-                 "Align keyframes with each other after the last frame and deform the map to the optimized pose graph")
-      ->excludes(poses)
-      ->excludes(quality);
-  command
-      ->add_flag("--adjust", a->adjust,
-                 "Jointly adjust keyframe poses, the surface, the readout time and the depth error after the last "
-                 "frame, by depth and brightness, and deform the map accordingly")
-      ->excludes(poses)
-      ->excludes(quality);
-  command
-      ->add_flag("--reintegrate", a->reintegrate,
-                 "Like --adjust, but then track the frames between keyframes again and fuse all frames with corrected "
-                 "depth instead of deforming the map")
-      ->excludes(poses)
-      ->excludes(quality);
+  add_stages(*command, a, poses);
   command->callback([a] { reconstruct(*a); });
 }
 
