@@ -75,11 +75,10 @@ FinishReport Mapper::finish(const FinishOptions& options) {
     SecondPassResult result = cairn::reintegrate(s, *options.reintegrate,
                                                  {.correction = report.adjusted->correction,
                                                   .max_interpolated = options.max_interpolated,
-                                                  .fuses_held_out = options.fuses_held_out,
+                                                  .keeps_held_out = options.fuses_held_out,
                                                   .before = report.error_before ? &*report.error_before : nullptr},
                                                  progress);
     report.is_reintegrated = result.is_replaced;
-    report.has_fused_held_out = result.has_fused_held_out;
     report.error = result.error;
     held_out = std::move(result.held_out);
   }
@@ -88,8 +87,9 @@ FinishReport Mapper::finish(const FinishOptions& options) {
     std::move(before).restore(s.back_end.atlas());
     s.cached_volume.reset();
     report.is_kept = false;
-    if (was_undeformed && !held_out.empty()) fuse_held_out(s, held_out), report.has_fused_held_out = true;
   }
+  report.has_fused_held_out = !held_out.empty() && (report.is_reintegrated || (!report.is_kept && was_undeformed));
+  if (report.has_fused_held_out) fuse_held_out(s, held_out);
   freeze_gravity();
   return report;
 }

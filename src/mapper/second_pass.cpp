@@ -240,6 +240,7 @@ class PassFrames {
     while (const auto read = frames.next()) {
       const CheckedFrame checked(*read, s_.rig, std::nullopt);
       if (!checked.is_usable() || !pass_.has(checked.frame().timestamp)) continue;
+      if (read->held_out && options_.keeps_held_out) held_out_.push_back(*read);
       const Frame& frame = checked.frame();
       if (pass_.is_interpolated(frame, options_.max_interpolated)) {
         waiting_.push_back(frame);
@@ -250,27 +251,15 @@ class PassFrames {
     }
     fuse_waiting();
   }
-  [[nodiscard]] std::vector<Frame> take_held_out() {
-    std::vector<Frame> frames;
-    for (HeldOut& held_out : held_out_) frames.push_back(std::move(held_out.frame));
-    return frames;
-  }
-  void fuse_held_out() {
-    for (const auto& [frame, pose] : held_out_) fuse(preprocess(frame), pose, Integrator::kCarvingInterval);
-  }
+  [[nodiscard]] std::vector<Frame> take_held_out() { return std::move(held_out_); }
 
  private:
-  struct HeldOut {
-    Frame frame;
-    Eigen::Isometry3d pose;
-  };
   [[nodiscard]] FramePyramid preprocess(const Frame& frame) {
     return s_.preprocessor.preprocess(frame, pass_.motion(frame.timestamp));
   }
   void track(const Frame& frame) {
     const FramePyramid seen = preprocess(frame);
     const Eigen::Isometry3d pose = pass_.track(frame, seen, s_.volume);
-    if (frame.held_out && options_.fuses_held_out) held_out_.push_back({frame, pose});
     if (frame.held_out || pass_.is_keyframe(frame.timestamp)) return;  // keyframes are already fused
     const auto motion = last_ ? std::optional<Eigen::Isometry3d>(last_->inverse() * pose) : std::nullopt;
     fuse(seen, pose, s_.carving_interval(motion));
@@ -296,8 +285,8 @@ class PassFrames {
   MapState& s_;
   Pass& pass_;
   const SecondPassOptions& options_;
-  std::vector<Frame> waiting_;  // since the last tracked frame
-  std::vector<HeldOut> held_out_;
+  std::vector<Frame> waiting_;             // since the last tracked frame
+  std::vector<Frame> held_out_;            // as read
   std::optional<Eigen::Isometry3d> last_;  // pose of the last tracked and fused frame
 };
 
@@ -318,11 +307,8 @@ bool fuse_again(MapState& s, const TrackedPoses&, CountedFrames& frames, const S
   pass.fuse_keyframes(s.integrator, s.volume, s.fused_count, [&] { frames.check_canceled(); });
   PassFrames all(s, pass, options);
   all.fuse(frames);
-  if (!is_accepted(s, pass.poses(), options, result)) {
-    result.held_out = all.take_held_out();
-    return false;
-  }
-  if (options.fuses_held_out) all.fuse_held_out(), result.has_fused_held_out = true;
+  result.held_out = all.take_held_out();
+  if (!is_accepted(s, pass.poses(), options, result)) return false;
   pass.rebase(since);
   return true;
 }
@@ -362,7 +348,9 @@ SecondPassResult reintegrate(MapState& s, Source& source, const SecondPassOption
 void fuse_held_out(MapState& s, const std::vector<Frame>& frames) {
   const Atlas& atlas = s.back_end.atlas();
   const Trajectory poses = atlas.trajectory(atlas.main_component(), 0, atlas.frames.size());
-  for (const Frame& frame : frames) {
+  for (const Frame& given : frames) {
+    const CheckedFrame checked(given, s.rig, std::nullopt);  // with the depth correction of this map
+    const Frame& frame = checked.frame();
     const auto pose = pose_at(poses, frame.timestamp, 0);
     if (!pose) continue;
     const FramePyramid seen = s.preprocessor.preprocess(frame, at_velocity(velocity_at(poses, frame.timestamp)));

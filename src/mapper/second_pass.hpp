@@ -16,8 +16,7 @@ struct SecondPassOptions {
   /// Maximum number of frames between two tracked frames, at small view changes: their poses are interpolated, and
   /// every second of them is fused.
   int max_interpolated = 0;
-  /// Fuses held-out frames, after the last frame.
-  bool fuses_held_out = false;
+  bool keeps_held_out = false;  // for SecondPassResult::held_out
   /// Errors of the map so far; a new map that the held-out frames do not confirm is discarded. Null: no comparison.
   const HeldOutError* before = nullptr;
 };
@@ -25,8 +24,7 @@ struct SecondPassOptions {
 struct SecondPassResult {
   bool is_replaced = false;           // false: the map is as before
   std::optional<HeldOutError> error;  // of the new map, with SecondPassOptions::before
-  bool has_fused_held_out = false;
-  std::vector<Frame> held_out;  // of a discarded map, with SecondPassOptions::fuses_held_out
+  std::vector<Frame> held_out;        // as read, with SecondPassOptions::keeps_held_out
 };
 
 /// Implements Mapper::reintegrate. `progress` receives the number of frames so far.
