@@ -113,6 +113,8 @@ class Run {
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Frames with a pose that are not part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
+  /// Frames with a pose, of all recordings.
+  [[nodiscard]] int posed() const { return progressed_.frames.count("fused") + held_out(); }
   /// Records that the stages of a quality have run. A resumed run without new frames does not repeat them.
   void improved() { progressed_.improved = true; }
   /// Records that the held-out frames have joined the map.
@@ -123,6 +125,7 @@ class Run {
   /// Frames of earlier runs, which reset() keeps.
   [[nodiscard]] int frames_before() const { return previous_.frames.size(); }
   [[nodiscard]] Mapper& mapper() { return *mapper_; }
+  [[nodiscard]] const Mapper& mapper() const { return *mapper_; }
   /// Runs `work` and records its duration under a stage's name.
   void timed(const char* stage, const std::function<void()>& work);
   void add_time(const std::string& stage, double milliseconds);

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include "cli/final_stages.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cli/progress.hpp"
+
+namespace cairn::apps {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+// Frames held out to judge --quality: every n-th, not in shorter recordings.
+constexpr int kMinJudgedFrames = 60, kHeldOutFrames = 14, kMinHeldOutInterval = 8, kStreamHeldOutInterval = 40;
+
+/// Upper triangles in row order.
+nlohmann::json to_json(const std::vector<AdjustReport::KeyframeCovariance>& all) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const auto& [timestamp, covariance] : all) {
+    nlohmann::json triangle = nlohmann::json::array();
+    for (int i = 0; i < 6; ++i)
+      for (int j = i; j < 6; ++j) triangle.push_back(covariance(i, j));
+    list.push_back({{"timestamp", timestamp}, {"covariance", std::move(triangle)}});
+  }
+  return list;
+}
+
+nlohmann::json to_json(const RefineReport& r) {
+  return {{"keyframes", r.keyframes},       {"pairs_tried", r.pairs_tried}, {"pairs_aligned", r.pairs_aligned},
+          {"pairs_inlier", r.pairs_inlier}, {"cost_before", r.cost_before}, {"cost", r.cost}};
+}
+
+nlohmann::json to_json(const AdjustReport& a) {
+  return {{"keyframes", a.keyframes},
+          {"surfels", a.surfels},
+          {"observations", a.observations},
+          {"clock_offset", a.clock_offset},
+          {"readout", a.readout},
+          {"readout_sigma", a.readout_sigma},
+          {"predicts_better", a.error_reduction},
+          {"has_readout", a.has_readout},
+          {"corrected_predicts_better", a.corrected_error_reduction},
+          {"has_correction", !a.correction.empty()},
+          {"covariances", to_json(a.covariances)}};
+}
+
+void warn_of_errors(const AdjustReport& adjusted, bool is_used, Run& run) {
+  if (adjusted.has_readout)
+    run.warn(
+        fmt::format("the camera has a rolling shutter with a readout of about {:.0f} ms: calibrate it with `cairn "
+                    "calibrate --shutter` for more accurate tracking",
+                    1000 * adjusted.readout));
+  if (!adjusted.correction.empty() && !is_used)
+    run.warn(
+        "the depth error exceeds the sensor noise: `--reintegrate` corrects it, and `cairn calibrate --depth` "
+        "calibrates it for later recordings");
+}
+
+/// Shows the stages after the last frame, measures their times, and ends them at a signal.
+class ShownStages {
+ public:
+  ShownStages(Run& run, Interrupt& interrupt) : run_(run), interrupt_(interrupt) {}
+  ShownStages(const ShownStages&) = delete;
+  ShownStages& operator=(const ShownStages&) = delete;
+  ~ShownStages() { end(); }
+
+  /// FinishOptions::progress.
+  bool operator()(FinishStage stage, double fraction) {
+    if (stage != stage_) begin(stage);
+    progress_->step(static_cast<int>(100 * fraction), 100, text_of(stage).running);
+    if (!interrupt_.requested()) return true;
+    run_.interrupted_in(std::string(to_string(stage)));
+    return false;
+  }
+
+ private:
+  struct Text {
+    const char *running, *at_signal;
+  };
+  static Text text_of(FinishStage stage) {
+    switch (stage) {
+      case FinishStage::refine:
+        return {"refining", "skipping the rest of the refinement; interrupt again to end at once"};
+      case FinishStage::adjust:
+        return {"adjusting", "keeping the adjustment so far; interrupt again to end at once"};
+      case FinishStage::reintegrate:
+        return {"reintegrating", "keeping the adjusted map; interrupt again to end at once"};
+    }
+    return {};
+  }
+  void begin(FinishStage stage) {
+    end();
+    stage_ = stage, start_ = Clock::now();
+    interrupt_.set_message(text_of(stage).at_signal);
+    progress_.emplace(std::nullopt, "");
+  }
+  void end() {
+    if (stage_)
+      run_.add_time(std::string(to_string(*stage_)),
+                    std::chrono::duration<double, std::milli>(Clock::now() - start_).count());
+    progress_.reset();
+  }
+
+  Run& run_;
+  Interrupt& interrupt_;
+  std::optional<FinishStage> stage_;
+  std::optional<Progress> progress_;
+  Clock::time_point start_;
+};
+
+/// Stages after the last frame, as requested one by one or by a quality.
+FinishOptions finish_options(const FinalStages& stages, bool judges, Source* again) {
+  if (stages.is_expert())
+    return {.refine = stages.refine, .adjust = stages.adjust, .reintegrate = stages.reintegrate ? again : nullptr};
+  FinishOptions options = cairn::finish_options(stages.quality, again);
+  options.fuses_held_out = judges;
+  return options;
+}
+
+nlohmann::json to_json(const HeldOutError& e) {
+  nlohmann::json j{
+      {"frames", e.frames}, {"covered", e.covered}, {"depth_rmse_m", e.depth_rmse}, {"doubled", e.doubled}};
+  if (e.brightness_rmse > 0) j["brightness_rmse"] = e.brightness_rmse;
+  return j;
+}
+
+/// Gain of the stages in one line, by the held-out frames.
+std::string gain(const FinishReport& finished) {
+  if (!finished.error_before || !finished.error) return "too few frames held out to judge the adjusted map";
+  const HeldOutError &before = *finished.error_before, &after = *finished.error;
+  std::string text = fmt::format("depth error {:.1f} -> {:.1f} mm", 1000 * before.depth_rmse, 1000 * after.depth_rmse);
+  if (before.brightness_rmse > 0)
+    text += fmt::format(", brightness {:.1f} -> {:.1f} %", 100 * before.brightness_rmse, 100 * after.brightness_rmse);
+  text += fmt::format(" in {} held-out frames", after.frames);
+  if (!finished.is_kept) return "the map as tracked, since the adjusted map is worse: " + text;
+  if (finished.adjusted && finished.adjusted->has_readout)
+    text +=
+        fmt::format("; a rolling shutter of about {:.0f} ms: `cairn calibrate --shutter` for more accurate tracking",
+                    1000 * finished.adjusted->readout);
+  return text;
+}
+
+}  // namespace
+
+bool FinalStages::apply_to(const Run& run) const {
+  return is_expert() || (quality != Quality::fast && run.posed() >= kMinJudgedFrames && run.mapper().recordings() == 1);
+}
+
+bool FinalStages::read_again(const RunArguments& a) const {
+  return reintegrate || (!is_expert() && !is_sensor(a.sequence));
+}
+
+/// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
+int judging_interval(Quality quality, std::optional<int> frames) {
+  if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
+  return frames ? std::max(kMinHeldOutInterval, *frames / kHeldOutFrames) : kStreamHeldOutInterval;
+}
+
+nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run, Interrupt& interrupt) {
+  if (interrupt.requested()) {
+    run.interrupted_in(stages.refine ? "refine" : "adjust");
+    return {};
+  }
+  FinishReport finished;
+  {
+    ShownStages shown(run, interrupt);
+    FinishOptions options = finish_options(stages, judges, again);
+    options.progress = std::ref(shown);
+    finished = run.mapper().finish(options);
+  }
+  if (finished.has_fused_held_out) run.fused_held_out();
+  if (!stages.is_expert() && !interrupt.requested()) run.improved();
+  nlohmann::json results;
+  if (!stages.is_expert())
+    results["quality"] = {
+        {"requested", to_string(stages.quality)}, {"kept", finished.is_kept}, {"words", gain(finished)}};
+  if (finished.error_before) results["quality"]["before"] = to_json(*finished.error_before);
+  if (finished.error) results["quality"]["after"] = to_json(*finished.error);
+  if (finished.refined) results["refined"] = to_json(*finished.refined);
+  if (finished.adjusted) {
+    results["adjusted"] = to_json(*finished.adjusted);
+    if (stages.is_expert()) warn_of_errors(*finished.adjusted, finished.is_reintegrated, run);
+  }
+  return results;
+}
+
+}  // namespace cairn::apps

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+// Stages of a run after the last frame, shared by `reconstruct` and `live`.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "cairn/io/source.hpp"
+#include "cairn/mapping/mapper.hpp"
+#include "cli/interrupt.hpp"
+#include "cli/run.hpp"
+
+namespace cairn::apps {
+
+/// Requested stages: by a quality, or one by one and unjudged.
+struct FinalStages {
+  Quality quality = Quality::good;
+  bool refine = false, adjust = false, reintegrate = false;
+
+  [[nodiscard]] bool is_expert() const { return refine || adjust || reintegrate; }
+  /// True if the run has enough frames for the stages, of a single recording.
+  [[nodiscard]] bool apply_to(const Run& run) const;
+  /// True if the stages read the recording again.
+  [[nodiscard]] bool read_again(const RunArguments& a) const;
+};
+
+/// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
+[[nodiscard]] int judging_interval(Quality quality, std::optional<int> frames);
+
+/// Improves the complete map after the last frame, and returns the results for report.json. A signal ends the current
+/// stage and keeps its previous result; an adjustment keeps its intermediate result. `again`: see
+/// FinishOptions::reintegrate. `judges`: see RunProgress.
+[[nodiscard]] nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run,
+                                     Interrupt& interrupt);
+
+}  // namespace cairn::apps
