@@ -52,7 +52,9 @@ function makeButtons(scene, toolbar, overlay, alerts, ask, last) {
   const pause = element('button', { onclick: () => ask(pause.dataset.paused ? 'start' : 'pause') }, 'Pause');
   const reset = element('button', { onclick: () => confirm(aboutReset(last())) && ask('reset') }, 'Reset');
   const finish = element('button', { onclick: () => ask('finish') }, 'Finish');
-  document.getElementById('buttons').replaceChildren(pause, reset, finish);
+  const bar = element('progress', { max: 1, hidden: true });
+  const skip = element('button', { hidden: true, onclick: () => { skip.disabled = true; ask('skip'); } }, 'Skip');
+  document.getElementById('buttons').replaceChildren(pause, reset, finish, bar, skip);
   const pressed = (button, on) => button.setAttribute('aria-pressed', on);
   const follow = toolbar.add({ name: 'Follow the sensor', label: 'Follow', key: 'f', symbol: 'follow', press: () => scene.setFollow(!scene.follow) });
   scene.onFollow = (on) => pressed(follow, on);
@@ -78,7 +80,17 @@ function makeButtons(scene, toolbar, overlay, alerts, ask, last) {
   }, { signal: toolbar.life.signal });
   toolbar.addHelp();
   scene.setFollow(true);
-  return { pause, reset, finish };
+  return { pause, reset, finish, bar, skip };
+}
+
+/** Shows the progress of a stage after the last frame, with its Skip button, in place of the buttons of the frames. */
+function showStage({ stage, words, has_reset: hasReset = true }, { pause, reset, finish, bar, skip }) {
+  for (const button of [pause, finish]) button.hidden = Boolean(stage);
+  reset.hidden = Boolean(stage) || !hasReset;
+  for (const shown of [bar, skip]) shown.hidden = !stage;
+  if (!stage) return;
+  bar.value = stage.fraction;
+  bar.setAttribute('aria-label', words);
 }
 
 const percent = (share) => `${(100 * share).toFixed(0)} %`;
@@ -114,12 +126,14 @@ function showBack(overlay, { status, words, guidance }) {
   if (guidance?.turn) overlay.arrow.style.transform = `rotate(${Math.atan2(guidance.turn[1], guidance.turn[0])}rad)`;
 }
 
-function showState(state, scene, panel, overlay, { pause, reset, finish }) {
+function showState(state, scene, panel, overlay, buttons) {
+  const { pause, reset, finish } = buttons;
   setStatus(state.status, state.words);
   const isPaused = state.status === 'paused', isOver = ['finishing', 'finished'].includes(state.status);
   pause.textContent = isPaused ? 'Resume' : 'Pause';
   pause.dataset.paused = isPaused ? 'yes' : '';
   for (const button of [pause, reset, finish]) button.disabled = isOver;
+  showStage(state, buttons);
   if (state.upright) scene.setUpright(state.upright);
   if (state.camera) scene.setCamera(state.camera, state.view);
   scene.setLoops(state.loops.filter(([, , inlier]) => inlier));

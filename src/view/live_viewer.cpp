@@ -79,6 +79,9 @@ struct LiveViewer::State {
   ImageContent content;  // of the last frame
   std::optional<GravityAlignment> upright;
   int epoch = 0, dropped = 0, sent_parts = 0, frames_before = 0;
+  bool has_reset = true, is_finishing = false;
+  nlohmann::json sent;                // last state
+  std::string stage_words;            // of the last stage shown
   std::map<std::string, int> counts;  // frames by state
   FrameReport last;
   int skipped = 0;                                          // consecutive frames
@@ -103,9 +106,11 @@ LiveViewer::~LiveViewer() = default;
 const ViewerSite& LiveViewer::site() const { return state_->server.site(); }
 bool LiveViewer::is_opened() const { return state_->server.is_opened(); }
 
-void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before) {
+void LiveViewer::begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before, bool has_reset) {
   State& s = *state_;
   s.frames_before = frames_before;
+  s.has_reset = has_reset;
+  s.is_finishing = false;
   s.mapper = &mapper;
   s.surface.emplace(mapper);
   s.rig = rig;
@@ -130,6 +135,7 @@ LiveViewer::ViewerCommands LiveViewer::commands() {
     if (j["do"] == "start") commands.pause = false;
     if (j["do"] == "reset") commands.reset = true;
     if (j["do"] == "finish") commands.finish = true;
+    if (j["do"] == "skip") commands.skip = true;
     if (j["do"] == "shown") ++s.shown;
   }
   return commands;
@@ -203,6 +209,7 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
                 {"words", words},
                 {"frames", counts},
                 {"frames_before", frames_before},
+                {"has_reset", has_reset},
                 {"skipped_to_keep_up", dropped},
                 {"memory_mb", memory_mb()},
                 {"feed", {{"things", feed_size.items}, {"bytes", feed_size.bytes}, {"requests", feed_size.requests}}},
@@ -239,6 +246,7 @@ void LiveViewer::State::send_state(const char* status, const std::string& words,
     if (content.median > 0) state["view"]["depth"] = content.median;
   }
   feed.set("state", text_of(state), true);
+  sent = std::move(state);
 }
 
 /// Numeric details of the last frame.
@@ -252,8 +260,19 @@ nlohmann::json LiveViewer::State::last_frame() const {
 
 void LiveViewer::finishing() {
   State& s = *state_;
-  if (s.feed.viewers() > 0 && s.any) s.send_surface(true);
+  if (!std::exchange(s.is_finishing, true) && s.feed.viewers() > 0 && s.any) s.send_surface(true);
   s.send_state("finishing", "Finishing: the map is corrected and written");
+}
+
+void LiveViewer::show_stage(const std::string& words, double fraction) {
+  State& s = *state_;
+  const auto now = State::Clock::now();
+  if (words == s.stage_words && now - s.state_sent < kStateEvery) return;
+  s.state_sent = now;
+  s.stage_words = words;
+  nlohmann::json state = s.sent;  // the mapper's numbers as before the stage
+  state.update({{"status", "finishing"}, {"words", words}, {"stage", {{"fraction", fraction}}}});
+  s.feed.set("state", text_of(state), true);
 }
 
 void LiveViewer::finished(const std::filesystem::path& output) {

@@ -48,13 +48,14 @@ class LiveViewer {
   /// True if a browser has loaded the page. Any thread.
   [[nodiscard]] bool is_opened() const;
   /// Starts a new map with its options; the mapper must live until the next call or the viewer's end. `frames_before`:
-  /// frames of earlier runs, kept by a reset; browsers show this before a reset.
-  void begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before = 0);
+  /// frames of earlier runs, kept by a reset; browsers show this before a reset. `has_reset`: browsers offer a reset.
+  void begin(Mapper& mapper, const Rig& rig, const Options& options, int frames_before = 0, bool has_reset = true);
 
   /// Commands from browsers since the last call.
   struct ViewerCommands {
     std::optional<bool> pause;
     bool reset = false, finish = false;
+    bool skip = false;  ///< the stage shown by show_stage
   };
   [[nodiscard]] ViewerCommands commands();
 
@@ -62,8 +63,11 @@ class LiveViewer {
   void fused(const Frame& frame, const FrameReport& report, double latency_ms);
   /// Call between frames. `dropped`: frames skipped to keep up.
   void update(bool paused, int dropped);
-  /// Call after the last frame.
+  /// Call after the last frame, and after the stages that follow.
   void finishing();
+  /// Shows a stage after finishing(), with its completed fraction and a button to skip it. May be called while the
+  /// mapper is busy.
+  void show_stage(const std::string& words, double fraction);
   /// Switches browsers to the written map in `output`, for the lifetime of this object.
   void finished(const std::filesystem::path& output);
   /// Number of connected browsers.

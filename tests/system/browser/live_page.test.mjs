@@ -39,7 +39,7 @@ const onEachScreen = (look, files) => withBrowser(async (open) => {
 });
 
 test('buttons do not move with the status, and cover nothing', () => onEachScreen(async ({ page, receive }, size) => {
-  const buttons = page.locator('#bar button, #tools button'), before = await boxes(buttons), scene = await page.locator('#scene').boundingBox();
+  const buttons = page.locator('#bar button:visible, #tools button'), before = await boxes(buttons), scene = await page.locator('#scene').boundingBox();
   for (const words of ['Lost', 'The program says something that is very much longer than what it usually says, and goes on and on, for a while']) {
     await receive({ status: 'weak', words });
     await until(async () => (await page.locator('#status').textContent()) === words);
@@ -184,4 +184,33 @@ test('Pause becomes Resume, the space bar does the same, and numbers have units'
   await panel.getByText('Tracking in numbers').click();
   assert.ok(await panel.getByText('91 %').isVisible());
   await shown(page, 'live-panel');
+}));
+
+test('a stage after the last frame shows its progress, and a button to skip it', () => onEachScreen(async ({ page, receive }) => {
+  const button = (name) => page.getByRole('button', { name, exact: true }), bar = page.getByRole('progressbar');
+  const isShown = async (...names) => {
+    for (const name of ['Pause', 'Reset', 'Finish', 'Skip']) assert.equal(await button(name).isVisible(), names.includes(name), name);
+    assert.equal(await bar.isVisible(), names.includes('Skip'));
+  };
+  await isShown('Pause', 'Reset', 'Finish');
+  await receive({ has_reset: false });
+  await isShown('Pause', 'Finish');
+  const stage = { status: 'finishing', words: 'Adjusting the poses', stage: { fraction: 0.4 } };
+  await receive(stage);
+  await isShown('Skip');
+  assert.equal(await page.locator('#status').textContent(), 'Adjusting the poses');
+  assert.equal(await bar.evaluate((element) => element.value), 0.4);
+  assert.equal(await bar.getAttribute('aria-label'), 'Adjusting the poses');
+  assert.ok((await button('Skip').boundingBox()).height >= 38, 'too small for a finger');
+  assert.ok(!(await overflows(page)));
+  await isAccessible(page, 'a stage');
+  await shown(page, 'live-stage');
+  await button('Skip').focus();
+  await page.keyboard.press(' ');
+  assert.deepEqual(await page.evaluate(() => window.asked), ['skip']);
+  await receive(stage);
+  assert.ok(await button('Skip').isDisabled(), 'asked twice');
+  await receive({ status: 'finishing', words: 'Writing the map' });
+  await isShown('Pause', 'Reset', 'Finish');
+  for (const name of ['Pause', 'Reset', 'Finish']) assert.ok(await button(name).isDisabled());
 }));
