@@ -163,6 +163,12 @@ int judging_interval(Quality quality, std::optional<int> frames) {
   return frames ? std::max(kMinHeldOutInterval, *frames / kHeldOutFrames) : kStreamHeldOutInterval;
 }
 
+double relative_time(Quality quality, std::optional<int> frames) {
+  constexpr double kGood = 0.6, kBest = 3;
+  if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
+  return quality == Quality::good ? kGood : kBest;
+}
+
 nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run, Interrupt& interrupt) {
   if (interrupt.requested()) {
     run.interrupted_in(stages.refine ? "refine" : "adjust");

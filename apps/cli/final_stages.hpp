@@ -27,6 +27,9 @@ struct FinalStages {
 /// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
 [[nodiscard]] int judging_interval(Quality quality, std::optional<int> frames);
 
+/// Time of the stages of a quality, relative to the time of the frames; 0 for fewer frames than the stages need.
+[[nodiscard]] double relative_time(Quality quality, std::optional<int> frames);
+
 /// Improves the complete map after the last frame, and returns the results for report.json. A signal ends the current
 /// stage and keeps its previous result; an adjustment keeps its intermediate result. `again`: see
 /// FinishOptions::reintegrate. `judges`: see RunProgress.

@@ -39,7 +39,7 @@ std::string progress_line(const ProgressState& done, const std::string& state, c
   };
   if (!done.what.empty()) add(fmt::format("{:.1f}/s", rate));
   if (done.total && done.done > 0) {
-    const int left = static_cast<int>(std::lround((*done.total - done.done) / rate));
+    const int left = static_cast<int>(std::lround((*done.total * (1 + done.following) - done.done) / rate));
     add(fmt::format("{}:{:02} left", left / 60, left % 60));
   }
   // The bar's size is independent of the text beside it.
@@ -52,7 +52,8 @@ std::string progress_line(const ProgressState& done, const std::string& state, c
   return terminal.is_live ? cut_to(line, max_columns, terminal.has_blocks) : line;
 }
 
-Progress::Progress(std::optional<int> total, std::string what) : state_{.total = total, .what = std::move(what)} {}
+Progress::Progress(std::optional<int> total, std::string what, double following)
+    : state_{.total = total, .what = std::move(what), .following = following} {}
 Progress::~Progress() { clear(); }
 
 void Progress::clear() { clear_line(); }

@@ -14,8 +14,9 @@ namespace cairn::apps {
 struct ProgressState {
   int done = 0;
   std::optional<int> total;
-  std::string what;    // unit of the count; empty: only the percentage is shown
-  double seconds = 0;  // elapsed time
+  std::string what;      // unit of the count; empty: only the percentage is shown
+  double seconds = 0;    // elapsed time
+  double following = 0;  // estimated time of the work that follows, relative to the time of these steps
 };
 /// Formats progress in one line of at most `terminal.columns`, with a bar on a live terminal. Drops text that does not
 /// fit; the count has priority.
@@ -24,7 +25,8 @@ struct ProgressState {
 /// Progress on stderr: a live line on a terminal, else a plain line every few seconds; silent with --quiet.
 class Progress {
  public:
-  explicit Progress(std::optional<int> total, std::string what = "frames");
+  /// `following`: see ProgressState.
+  explicit Progress(std::optional<int> total, std::string what = "frames", double following = 0);
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;

@@ -76,7 +76,7 @@ void report(const PoseCheck& check, Poses poses, Run& run) {
 /// Adds frames until the recording ends or a signal arrives. Returns the number of frames read.
 int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrupt) {
   int read = 0;
-  Progress progress(source.size());
+  Progress progress(source.size(), "frames", relative_time(a.stages.quality, source.size()));
   auto waited = Clock::now();
   while (!interrupt.requested()) {
     const auto frame = source.next();

@@ -62,6 +62,13 @@ TEST(ProgressLine, BarWidthIsIndependentOfTheText) {
   EXPECT_EQ(std::count(half.begin(), half.end(), '#'), std::count(half.begin(), half.end(), '.'));
 }
 
+TEST(ProgressLine, TimeLeftIncludesTheWorkThatFollows) {
+  ProgressState done{.done = 50, .total = 100, .what = "frames", .seconds = 50, .following = 0.6};
+  EXPECT_EQ(progress_line(done, "", Terminal{}), "50/100 frames  1.0/s  1:50 left");
+  done.done = 100, done.seconds = 100;
+  EXPECT_EQ(progress_line(done, "", Terminal{}), "100/100 frames  1.0/s  1:00 left");
+}
+
 TEST(ProgressLine, IsNotCutWithoutATerminal) {
   const std::string line =
       progress_line({.done = 3, .total = 4, .what = "", .seconds = 3}, std::string(300, 'x'), Terminal{});
