@@ -63,10 +63,10 @@ void warn_of_errors(const AdjustReport& adjusted, bool is_used, Run& run) {
         "calibrates it for later recordings");
 }
 
-/// Shows the stages after the last frame, measures their times, and ends them at a signal.
+/// Shows the stages after the last frame, measures their times, and ends them at a signal or a command of the page.
 class ShownStages {
  public:
-  ShownStages(Run& run, Interrupt& interrupt) : run_(run), interrupt_(interrupt) {}
+  ShownStages(Run& run, Interrupt& interrupt, LiveViewer* view) : run_(run), interrupt_(interrupt), view_(view) {}
   ShownStages(const ShownStages&) = delete;
   ShownStages& operator=(const ShownStages&) = delete;
   ~ShownStages() { end(); }
@@ -75,23 +75,37 @@ class ShownStages {
   bool operator()(FinishStage stage, double fraction) {
     if (stage != stage_) begin(stage);
     progress_->step(static_cast<int>(100 * fraction), 100, text_of(stage).running);
-    if (!interrupt_.requested()) return true;
+    if (view_) view_->show_stage(text_of(stage).on_page, fraction);
+    const bool is_skipped = view_ && view_->commands().skip;
+    if (!skipped_ && !is_skipped && !interrupt_.requested()) return true;
     run_.interrupted_in(std::string(to_string(stage)));
+    if (!skipped_) skipped_ = stage;
     return false;
+  }
+  /// Stage ended by the user.
+  [[nodiscard]] std::optional<FinishStage> skipped() const { return skipped_; }
+  /// Ends the display and the time of the current stage.
+  void end() {
+    if (stage_)
+      run_.add_time(std::string(to_string(*stage_)),
+                    std::chrono::duration<double, std::milli>(Clock::now() - start_).count());
+    stage_.reset();
+    progress_.reset();
   }
 
  private:
   struct Text {
-    const char *running, *at_signal;
+    const char *running, *on_page, *at_signal;
   };
   static Text text_of(FinishStage stage) {
     switch (stage) {
       case FinishStage::refine:
-        return {"refining", "skipping the rest of the refinement; interrupt again to end at once"};
+        return {"refining", "Refining the poses",
+                "skipping the rest of the refinement; interrupt again to end at once"};
       case FinishStage::adjust:
-        return {"adjusting", "keeping the adjustment so far; interrupt again to end at once"};
+        return {"adjusting", "Adjusting the poses", "keeping the adjustment so far; interrupt again to end at once"};
       case FinishStage::reintegrate:
-        return {"reintegrating", "keeping the adjusted map; interrupt again to end at once"};
+        return {"reintegrating", "Fusing all frames again", "keeping the adjusted map; interrupt again to end at once"};
     }
     return {};
   }
@@ -101,16 +115,11 @@ class ShownStages {
     interrupt_.set_message(text_of(stage).at_signal);
     progress_.emplace(std::nullopt, "");
   }
-  void end() {
-    if (stage_)
-      run_.add_time(std::string(to_string(*stage_)),
-                    std::chrono::duration<double, std::milli>(Clock::now() - start_).count());
-    progress_.reset();
-  }
 
   Run& run_;
   Interrupt& interrupt_;
-  std::optional<FinishStage> stage_;
+  LiveViewer* view_;
+  std::optional<FinishStage> stage_, skipped_;
   std::optional<Progress> progress_;
   Clock::time_point start_;
 };
@@ -147,6 +156,12 @@ std::string gain(const FinishReport& finished) {
   return text;
 }
 
+/// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
+int judging_interval(Quality quality, std::optional<int> frames) {
+  if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
+  return frames ? std::max(kMinHeldOutInterval, *frames / kHeldOutFrames) : kStreamHeldOutInterval;
+}
+
 }  // namespace
 
 bool FinalStages::apply_to(const Run& run) const {
@@ -157,10 +172,10 @@ bool FinalStages::read_again(const RunArguments& a) const {
   return reintegrate || (!is_expert() && !is_sensor(a.sequence));
 }
 
-/// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
-int judging_interval(Quality quality, std::optional<int> frames) {
-  if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
-  return frames ? std::max(kMinHeldOutInterval, *frames / kHeldOutFrames) : kStreamHeldOutInterval;
+void hold_out_to_judge(Quality quality, const RunArguments& a, const Source& source, RunProgress& progressed) {
+  if (a.hold_out || a.resume) return;
+  progressed.hold_out.every = judging_interval(quality, source.size());
+  progressed.judges = progressed.hold_out.every > 0;
 }
 
 double relative_time(Quality quality, std::optional<int> frames) {
@@ -169,24 +184,26 @@ double relative_time(Quality quality, std::optional<int> frames) {
   return quality == Quality::good ? kGood : kBest;
 }
 
-nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run, Interrupt& interrupt) {
+nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run, Interrupt& interrupt,
+                       LiveViewer* view) {
+  const auto quality = [&](bool is_kept, const std::string& words) -> nlohmann::json {
+    if (stages.is_expert()) return {};
+    return {{"quality", {{"requested", to_string(stages.quality)}, {"kept", is_kept}, {"words", words}}}};
+  };
   if (interrupt.requested()) {
     run.interrupted_in(stages.refine ? "refine" : "adjust");
-    return {};
+    return quality(false, "the map as tracked, since the stages were skipped");
   }
-  FinishReport finished;
-  {
-    ShownStages shown(run, interrupt);
-    FinishOptions options = finish_options(stages, judges, again);
-    options.progress = std::ref(shown);
-    finished = run.mapper().finish(options);
-  }
+  ShownStages shown(run, interrupt, view);
+  FinishOptions options = finish_options(stages, judges, again);
+  options.progress = std::ref(shown);
+  const FinishReport finished = run.mapper().finish(options);
+  shown.end();
   if (finished.has_fused_held_out) run.fused_held_out();
-  if (!stages.is_expert() && !interrupt.requested()) run.improved();
-  nlohmann::json results;
-  if (!stages.is_expert())
-    results["quality"] = {
-        {"requested", to_string(stages.quality)}, {"kept", finished.is_kept}, {"words", gain(finished)}};
+  if (!stages.is_expert() && !shown.skipped()) run.improved();
+  nlohmann::json results = quality(
+      finished.is_kept,
+      (shown.skipped() ? fmt::format("skipped in the stage {}; ", to_string(*shown.skipped())) : "") + gain(finished));
   if (finished.error_before) results["quality"]["before"] = to_json(*finished.error_before);
   if (finished.error) results["quality"]["after"] = to_json(*finished.error);
   if (finished.refined) results["refined"] = to_json(*finished.refined);

@@ -7,6 +7,7 @@
 
 #include "cairn/io/source.hpp"
 #include "cairn/mapping/mapper.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/run.hpp"
 
@@ -24,16 +25,16 @@ struct FinalStages {
   [[nodiscard]] bool read_again(const RunArguments& a) const;
 };
 
-/// Interval of the frames held out to judge the quality; 0: none. `frames`: of the recording, if known.
-[[nodiscard]] int judging_interval(Quality quality, std::optional<int> frames);
+/// Selects the frames held out to judge the quality, in the first run of a session.
+void hold_out_to_judge(Quality quality, const RunArguments& a, const Source& source, RunProgress& progressed);
 
 /// Time of the stages of a quality, relative to the time of the frames; 0 for fewer frames than the stages need.
 [[nodiscard]] double relative_time(Quality quality, std::optional<int> frames);
 
-/// Improves the complete map after the last frame, and returns the results for report.json. A signal ends the current
-/// stage and keeps its previous result; an adjustment keeps its intermediate result. `again`: see
-/// FinishOptions::reintegrate. `judges`: see RunProgress.
+/// Improves the complete map after the last frame, and returns the results for report.json. A signal, or a command of
+/// the page, ends the current stage and keeps its previous result; an adjustment keeps its intermediate result.
+/// `again`: see FinishOptions::reintegrate. `judges`: see RunProgress. `view`: may be null.
 [[nodiscard]] nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run,
-                                     Interrupt& interrupt);
+                                     Interrupt& interrupt, LiveViewer* view);
 
 }  // namespace cairn::apps

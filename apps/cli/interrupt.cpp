@@ -27,7 +27,7 @@ std::array<int, 2> wake_pipe;  // pipe from the signal handler to the answering 
 struct SignalState {
   std::mutex mutex;
   bool is_graceful = false;
-  std::string message;
+  std::string message, next_message;  // of the first signal, and of the second if the next step accepts it
   std::function<std::string()> exit_message;
   std::atomic<int> requests = 0;  // signals received
   std::atomic<int> observed = 0;  // signals observed by requested()
@@ -65,9 +65,10 @@ void handle_signal(int signal) {
   SignalState& a = signal_state();
   const std::lock_guard lock(a.mutex);
   if (signal == SIGHUP) detach_terminal();
-  if (a.is_graceful && a.requests == a.handled) {
+  const int pending = a.requests - a.handled;
+  if (a.is_graceful && (pending == 0 || (pending == 1 && !a.next_message.empty()))) {
     ++a.requests;
-    if (!a.message.empty()) print_line(a.message);
+    if (const std::string& message = pending == 0 ? a.message : a.next_message; !message.empty()) print_line(message);
     return;
   }
   std::string text = "cairn: interrupted before completion";
@@ -114,6 +115,7 @@ Interrupt::Interrupt(Graceful graceful, std::string message) {
 Interrupt::~Interrupt() {
   const std::lock_guard lock(signal_state().mutex);
   signal_state().is_graceful = false;
+  signal_state().next_message.clear();
   signal_state().handled.store(signal_state().observed);
 }
 
@@ -127,10 +129,24 @@ void Interrupt::set_message(std::string message) {
   signal_state().message = std::move(message);
 }
 
+void Interrupt::set_next_message(std::string message) {
+  const std::lock_guard lock(signal_state().mutex);
+  signal_state().next_message = std::move(message);
+}
+
+void Interrupt::begin_next_step(std::string message) {
+  SignalState& a = signal_state();
+  const std::lock_guard lock(a.mutex);
+  if (a.requests > a.handled) ++a.handled;
+  a.observed.store(a.handled);
+  a.message = std::move(message);
+  a.next_message.clear();
+}
+
 bool Interrupt::requested() const {
   SignalState& a = signal_state();
   if (a.requests <= a.handled) return false;
-  a.observed.store(a.requests);
+  a.observed.store(a.handled + 1);
   return true;
 }
 

@@ -3,7 +3,8 @@
 // Handles SIGINT (Ctrl-C), SIGTERM and SIGHUP from the first line of main to the last.
 //
 // A signal ends the program at once, with one line on stderr, exit code 130 and no partial files. If an Interrupt
-// exists and its work is worth finishing, the first signal requests a regular end, and the second ends at once.
+// exists and its work is worth finishing, the first signal requests a regular end, and the second ends at once. Work of
+// two steps takes a signal for each, and ends at once at the third.
 #pragma once
 
 #include <functional>
@@ -34,6 +35,10 @@ class Interrupt {
   void allow_graceful_exit();
   /// Sets the message of the first signal.
   void set_message(std::string message);
+  /// Accepts a second signal, for the next step (begin_next_step), with its message; empty: the second ends at once.
+  void set_next_message(std::string message);
+  /// Begins the next step: requested() returns true at a second signal, which may have arrived before.
+  void begin_next_step(std::string message);
   [[nodiscard]] bool requested() const;
 };
 

@@ -338,7 +338,7 @@ void Run::set_pose_check(const PoseCheck& check) {
 void Run::interrupted(int left) { frames_left_ = left; }
 
 void Run::interrupted_in(const std::string& stage) {
-  if (frames_left_) return;  // keep the first stage
+  if (frames_left_ || is_sensor(arguments_.sequence)) return;  // keep the first stage
   frames_left_ = 0;
   interrupted_stage_ = stage;
 }

@@ -113,6 +113,8 @@ class Run {
   [[nodiscard]] bool stopped() const { return stopped_.has_value(); }
   /// Frames with a pose that are not part of the map.
   [[nodiscard]] int held_out() const { return progressed_.frames.count("held_out"); }
+  /// Index of the frame after the last one.
+  [[nodiscard]] int next_frame() const { return progressed_.next; }
   /// Frames with a pose, of all recordings.
   [[nodiscard]] int posed() const { return progressed_.frames.count("fused") + held_out(); }
   /// Records that the stages of a quality have run. A resumed run without new frames does not repeat them.
@@ -140,7 +142,7 @@ class Run {
   void set_frame_rates(const FrameRates& frame_rates) { frame_rates_ = frame_rates; }
   /// Marks the run as interrupted by the user, `left` frames before the end of its recording.
   void interrupted(int left);
-  /// Marks a stage after the last frame as interrupted.
+  /// Marks a stage after the last frame as interrupted. A sensor's run cannot repeat it.
   void interrupted_in(const std::string& stage);
   /// Returns a function for the message at an immediate end by the user, reflecting the state when called. The function
   /// may outlive this object.

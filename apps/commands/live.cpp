@@ -14,6 +14,7 @@
 #include "cairn/mapping/viewer.hpp"
 #include "cli/commands.hpp"
 #include "cli/console.hpp"
+#include "cli/final_stages.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/progress.hpp"
 #include "cli/run.hpp"
@@ -30,9 +31,12 @@ constexpr auto kFrameTimeout = 50ms;  // longest wait for a frame before viewers
 constexpr auto kViewerTimeout = 5s;   // after this time a viewer is gone, not reloading
 constexpr auto kResultTimeout = 10s;  // time for viewers to fetch the result after an interrupt
 
+constexpr const char* kSkipping = "keeping the map as tracked; interrupt again to end at once";
+
 struct Arguments : RunArguments {
   bool view = false, as_fast_as_possible = false, real_time = false;
   ViewArguments page;
+  FinalStages stages;
 };
 
 /// Returns true if frames may be dropped while the computer is busy: for sources that do not wait.
@@ -42,8 +46,7 @@ bool may_drop_frames(const Arguments& a) { return is_sensor(a.sequence) || a.rea
 /// --real-time delivers the newest frame of a recording, --as-fast-as-possible every frame without pacing.
 class Stream {
  public:
-  Stream(const Arguments& a, const FrameRange& range) : is_sensor_(is_sensor(a.sequence)) {
-    auto source = open_source(a.sequence, source_options(a, range));
+  Stream(const Arguments& a, std::unique_ptr<Source> source) : is_sensor_(is_sensor(a.sequence)) {
     if (a.as_fast_as_possible) {
       blocking_ = read_ahead(std::move(source));
     } else {
@@ -167,11 +170,19 @@ void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_
   }
 }
 
+/// Sets the messages of the first and the second signal: the second skips the final stages, if there are any.
+void set_messages(const Arguments& a, const Run& run, Interrupt& interrupt) {
+  const bool has_stages = a.stages.apply_to(run);
+  interrupt.set_message(has_stages ? "improving the map of the frames so far; interrupt again to skip this"
+                                   : "finishing with the frames so far; interrupt again to end at once");
+  interrupt.set_next_message(has_stages ? kSkipping : "");
+}
+
 /// Processes frames until the recording or the user ends the run; handles the page's commands between frames.
 void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Run& run, const Options& options,
                     LiveViewer* view, LiveStats& stats) {
   const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
-  Progress progress(may_drop_frames(a) ? std::nullopt : count);
+  Progress progress(may_drop_frames(a) ? std::nullopt : count, "frames", relative_time(a.stages.quality, count));
   bool paused = false;
   int read = 0;
   Clock::duration waited{};
@@ -182,6 +193,7 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
       if (commands.pause) stream.pause(paused = *commands.pause);
       if (commands.reset) {
         run.reset();
+        if (!interrupt.requested()) set_messages(a, run, interrupt);
         view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
         stats = {.latencies = {}, .dropped_before = stream.source().dropped()};
       }
@@ -197,6 +209,7 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
       if (run.stopped()) break;
       stats.fused += report.state == FrameState::fused;
       if (report.state == FrameState::fused) interrupt.allow_graceful_exit();
+      if (!interrupt.requested()) set_messages(a, run, interrupt);
       const double latency = milliseconds(Clock::now() - stream.arrived());
       stats.latencies.add(latency);
       progress.step(
@@ -210,12 +223,29 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
     run.interrupted(*count - gone);
 }
 
+/// Frames of a recording so far, from its start, for its re-integration; null for a sensor.
+std::unique_ptr<Source> open_again(const Arguments& a, const HoldOut& held_out, const Run& run) {
+  if (!a.stages.read_again(a)) return nullptr;
+  SourceOptions options = source_options(a, {.end = run.next_frame() - first_index(a.sequence)});
+  options.find_color_camera = false;  // already known to the mapper
+  return read_ahead(hold_out(open_source(a.sequence, options), held_out));
+}
+
+/// Runs the stages after the last frame, and adds their results to the report.
+void improve(const Arguments& a, const RunProgress& begin, const LiveStats& stats, Run& run, Interrupt& interrupt,
+             LiveViewer* view, nlohmann::json& report) {
+  if (run.stopped() || !a.stages.apply_to(run) || (stats.read == 0 && begin.improved)) return;
+  interrupt.begin_next_step(kSkipping);
+  const auto again = interrupt.requested() ? nullptr : open_again(a, begin.hold_out, run);
+  report.update(improve(a.stages, again.get(), begin.judges, run, interrupt, view));
+}
+
 void live(const Arguments& requested) {
   Arguments a = with_output(requested, inputs_of(requested));
   a.may_be_reset = a.view;
   limit_heap_growth();
   Options options = options_of(a);  // reports wrong options before a sensor is opened
-  const ResumePoint begin = resume_point(a, {});
+  ResumePoint begin = resume_point(a, {});
   std::optional<LiveViewer> view;
   std::unique_ptr<BrowserPage> page;
   if (a.view) {
@@ -224,7 +254,9 @@ void live(const Arguments& requested) {
     page = announce_page(a.page, site, "see the map, and pause, reset and finish the run",
                          [&view] { return view->is_opened(); });
   }
-  Stream stream(a, begin.range);
+  auto source = open_source(a.sequence, source_options(a, begin.range));
+  hold_out_to_judge(a.stages.quality, a, *source, begin.progressed);
+  Stream stream(a, hold_out(std::move(source), begin.progressed.hold_out));
   const Rig& rig = stream.source().rig();
   options = options_of(a, rig.sensor, finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
@@ -235,18 +267,22 @@ void live(const Arguments& requested) {
   std::optional<ExitMessage> exit_message(run.exit_message());
   std::optional<Interrupt> interrupt(Interrupt::Graceful::later);
   process_frames(a, *interrupt, stream, run, options, view ? &*view : nullptr, stats);
-  interrupt->set_message(kWriting);
+  bool is_interrupted = interrupt->requested();
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - stats.first).count();
   const int dropped = stream.source().dropped();  // read now, since a sensor keeps running while files are written
-  const nlohmann::json json = to_json(seconds, stats.fused, dropped, stats.latencies, view ? &*view : nullptr);
+  nlohmann::json report{{"live", to_json(seconds, stats.fused, dropped, stats.latencies, view ? &*view : nullptr)}};
   const FrameRates frame_rates = stats.frame_rates(dropped);
   run.set_frame_rates(frame_rates);
-  const Verdict verdict = run.finish({{"live", json}});
-  if (!a.json && !is_quiet()) print(json, frame_rates, stats);
+  improve(a, begin.progressed, stats, run, *interrupt, view ? &*view : nullptr, report);
+  interrupt->set_message(kWriting);
+  interrupt->set_next_message("");
+  if (view) view->finishing();
+  const Verdict verdict = run.finish(report);
+  if (!a.json && !is_quiet()) print(report["live"], frame_rates, stats);
   exit_message.reset();
-  const bool is_interrupted = interrupt->requested();
+  is_interrupted = is_interrupted || interrupt->requested();
   interrupt.reset();
   if (view) show_result(*view, a.output, is_interrupted);
   exit_with(verdict);
@@ -260,6 +296,7 @@ void add_live(CLI::App& program) {
   add_run_options(*command, *a);
   auto* view = command->add_flag("--view", a->view, "Show the map in a browser while it grows; prints the address");
   add_view_options(*command, a->page, view);
+  add_quality(*command, a->stages.quality);
   auto* fast = command->add_flag("--as-fast-as-possible", a->as_fast_as_possible,
                                  "Play a recording faster than recorded, if possible");
   command

@@ -103,7 +103,7 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
     options.find_color_camera = false;  // already known to the mapper
     again = with_wrappers(open_source(a.sequence, options), a, progressed.hold_out, given);
   }
-  return improve(a.stages, again.get(), progressed.judges, run, interrupt);
+  return improve(a.stages, again.get(), progressed.judges, run, interrupt, nullptr);
 }
 
 void reconstruct(const Arguments& requested) {
@@ -117,11 +117,7 @@ void reconstruct(const Arguments& requested) {
   const Trajectory given = given_poses(a);
   const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range), given);
   auto recording = open_source(a.sequence, source_options(a, begin.range));
-  if (!a.hold_out && !a.resume && !is_sensor(a.sequence)) {
-    HoldOut& hold_out = begin.progressed.hold_out;
-    hold_out.every = judging_interval(a.stages.quality, recording->size());
-    begin.progressed.judges = hold_out.every > 0;
-  }
+  hold_out_to_judge(a.stages.quality, a, *recording, begin.progressed);
   const auto source = with_wrappers(std::move(recording), a, begin.progressed.hold_out, given);
   const Options options = options_of(a, source->rig().sensor);
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);

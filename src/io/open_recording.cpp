@@ -393,6 +393,8 @@ class HoldOutSource final : public WrappedSource {
     if (frame) frame->held_out = is_held_out(frame->index - which_.range.begin);
     return frame;
   }
+  std::optional<double> next_timestamp() const override { return source_->next_timestamp(); }
+  void skip() override { source_->skip(); }
 
  private:
   [[nodiscard]] bool is_held_out(int from_begin) const {

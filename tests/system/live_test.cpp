@@ -3,12 +3,16 @@
 // `cairn live` without a browser; with a browser: tests/system/browser.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "cairn/io/source.hpp"
 #include "support/files.hpp"
+#include "support/recordings.hpp"
+#include "support/running.hpp"
 #include "synth/source.hpp"
 #include "view/server.hpp"
 
@@ -41,9 +45,9 @@ TEST_F(Live, MapsASensorUntilItIsUnplugged) {
       color.write(reinterpret_cast<const char*>(&frame->color[p]), 3);
     }
   }
-  const Ran ran = run_cairn({"live", "--no-texture", "openni:", "-o", out("map")},
-                            "LD_LIBRARY_PATH='" + openni_folder() +
-                                "' CAIRN_SENSOR='unplug=80 frames=" + folder.path().string() + "' CAIRN_VALIDATION=1");
+  const Ran ran = run_cairn({"live", "--no-texture", "--voxel-size", "0.03", "openni:", "-o", out("map")},
+                            "LD_LIBRARY_PATH='" + openni_folder() + "' CAIRN_SENSOR='unplug=80 rate=10 frames=" +
+                                folder.path().string() + "' CAIRN_VALIDATION=1");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   expect_map("map");
   const auto summary = report("map");
@@ -52,16 +56,23 @@ TEST_F(Live, MapsASensorUntilItIsUnplugged) {
   EXPECT_NE(summary["warnings"][0].get<std::string>().find("unplugged"), std::string::npos);
   EXPECT_NEAR(summary["frames"]["total"].get<int>() + summary["live"]["skipped_to_keep_up"].get<int>(), 80, 3);
   EXPECT_GT(summary["live"]["latency_ms"]["p95"], 0);
+  if (summary["frames"]["total"] >= 60) {  // else too slow a machine for the stages
+    EXPECT_EQ(summary["quality"]["requested"], "good");
+    EXPECT_GT(summary["adjusted"]["keyframes"], 2);
+    EXPECT_FALSE(summary["stages"].contains("reintegrate"));
+    EXPECT_GE(summary["frames"]["held_out"], 1);
+  }
 }
 
 TEST_F(Live, EqualsReconstructIfEveryFrameIsUsed) {
-  ASSERT_EQ(run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("a"), "--as-fast-as-possible"},
+  ASSERT_EQ(run_cairn({"live", "--no-texture", "--quality", "fast", "synthetic:room", "-o", out("a"),
+                       "--as-fast-as-possible"},
                       "timeout --foreground --preserve-status -s INT 6")
                 .exit_code,
             0);
   const int frames = report("a")["frames"]["total"];
   ASSERT_GT(frames, 3);
-  ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", "synthetic:room", "-o", out("b"), "--frames",
+  ASSERT_EQ(run_cairn({"reconstruct", "--no-texture", "--quality", "fast", "synthetic:room", "-o", out("b"), "--frames",
                        "0:" + std::to_string(frames)})
                 .exit_code,
             0);
@@ -69,22 +80,92 @@ TEST_F(Live, EqualsReconstructIfEveryFrameIsUsed) {
     EXPECT_EQ(read_bytes(folder / "a" / file) == read_bytes(folder / "b" / file), true) << file;
 }
 
+/// Arguments of a run over a small recording in the test's folder.
+std::vector<std::string> live_run(const std::string& recording, std::vector<std::string> more = {}) {
+  std::vector<std::string> words{"live", recording, "-o", "map", "--no-texture", "--config", recording + ".yaml"};
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+TEST_F(Live, EndsWithTheSameStagesAsReconstruct) {
+  write_small_recording(folder / "rec", {.frames = 70});
+  const Ran live = Running(live_run("rec", {"--as-fast-as-possible"}), folder.path()).end();
+  ASSERT_EQ(live.exit_code, 0) << live.err;
+  const auto summary = report("map");
+  EXPECT_EQ(summary["quality"]["requested"], "good");
+  EXPECT_GT(summary["quality"]["before"]["frames"], 4);
+  EXPECT_EQ(summary["frames"]["fused"], 70) << "held-out frames have not joined the map";
+  EXPECT_EQ(summary["frames"]["held_out"], 0);
+  EXPECT_NE(live.out.find("quality     good: "), std::string::npos) << live.out;
+  const Ran other =
+      Running({"reconstruct", "rec", "-o", "other", "--no-texture", "--config", "rec.yaml"}, folder.path()).end();
+  ASSERT_EQ(other.exit_code, 0) << other.err;
+  for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
+    EXPECT_EQ(read_bytes(folder / "map" / file) == read_bytes(folder / "other" / file), true) << file;
+}
+
+/// Waits until the stages after the last frame would run.
+bool has_frames_for_stages(Running& program, const std::string& of) {
+  return program.wait_until([&] {
+    const std::string err = program.err();
+    const std::size_t end = err.rfind(of), begin = err.find_last_not_of("0123456789", end - 1) + 1;
+    return end != std::string::npos && begin < end && std::stoi(err.substr(begin, end - begin)) > 65;
+  });
+}
+
+TEST_F(Live, SkipsTheStagesAtTheSecondCtrlC) {
+  write_small_recording(folder / "rec", {.frames = 250});
+  Running program(live_run("rec", {"--quality", "best"}), folder.path(), Running::Errors::to_terminal);
+  ASSERT_TRUE(has_frames_for_stages(program, "/250 frames")) << program.err();
+  program.send(SIGINT);
+  ASSERT_TRUE(program.wait_until([&] { return program.err().find("again to skip this") != std::string::npos; }));
+  program.send(SIGINT);
+  const Ran ran = program.end();
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find("interrupt again to end at once"), std::string::npos) << ran.err;
+  expect_map("map");
+  const auto summary = report("map");
+  EXPECT_LT(summary["frames"]["total"], 250);
+  EXPECT_GT(summary["interrupted"]["frames_left"], 0);
+  EXPECT_NE(summary["quality"]["words"].get<std::string>().find("skipped"), std::string::npos) << summary["quality"];
+}
+
+TEST_F(Live, EndsAtOnceAtTheThirdCtrlC) {
+  write_small_recording(folder / "rec", {.frames = 100});
+  std::vector<fs::path> images;
+  for (const auto& entry : fs::directory_iterator(folder / "rec" / "depth")) images.push_back(entry.path());
+  std::sort(images.begin(), images.end());
+  const Blocking blocking(images.at(80));  // keeps the program from ending before the third signal
+  Running program(live_run("rec", {"--checkpoint", "0.5"}), folder.path(), Running::Errors::to_terminal);
+  ASSERT_TRUE(has_frames_for_stages(program, "/100 frames")) << program.err();
+  for (const char* message : {"again to skip this", "again to end at once"}) {
+    program.send(SIGINT);
+    ASSERT_TRUE(program.wait_until([&] { return program.err().find(message) != std::string::npos; })) << program.err();
+  }
+  program.send(SIGINT);
+  const Ran ran = program.end();
+  EXPECT_EQ(ran.exit_code, 130) << ran.err;
+  EXPECT_NE(ran.err.find("resume with: "), std::string::npos) << ran.err;
+}
+
 TEST_F(Live, FinishesAtTheFirstCtrlCWithoutViewers) {
-  const Ran ran = run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("map"), "--view", "--port", "0"},
-                            "timeout --foreground --preserve-status -s INT 6");
+  const Ran ran = run_cairn(
+      {"live", "--no-texture", "--quality", "fast", "synthetic:room", "-o", out("map"), "--view", "--port", "0"},
+      "timeout --foreground --preserve-status -s INT 6");
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_EQ(ran.err.find("the page shows"), std::string::npos) << ran.err;
   EXPECT_NE(ran.err.find("interrupt again to end at once"), std::string::npos);
   expect_map("map");
 }
 
-TEST_F(Live, LeavesAResumableSessionAtTheSecondCtrlC) {
+TEST_F(Live, WithoutStagesLeavesAResumableSessionAtTheSecondCtrlC) {
   const std::string twice = "f() { \"$@\" & p=$!; sleep 6; kill -INT $p; sleep 0.2; kill -INT $p; wait $p; }; f";
-  const Ran ran = run_cairn({"live", "--no-texture", "synthetic:room", "-o", out("map"), "--checkpoint", "0.5"}, twice);
+  const Ran ran = run_cairn(
+      {"live", "--no-texture", "--quality", "fast", "synthetic:room", "-o", out("map"), "--checkpoint", "0.5"}, twice);
   EXPECT_EQ(ran.exit_code, 130) << ran.err;
   EXPECT_FALSE(fs::exists(folder / "map" / "mesh.glb"));
-  const Ran resumed =
-      run_cairn({"reconstruct", "--no-texture", "synthetic:room", "-o", out("map"), "--resume", "--frames", "0:60"});
+  const Ran resumed = run_cairn({"reconstruct", "--no-texture", "--quality", "fast", "synthetic:room", "-o", out("map"),
+                                 "--resume", "--frames", "0:60"});
   EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
   expect_map("map");
 }

@@ -13,7 +13,7 @@ const skippedIn = async (page) => Number(await page.locator('dt:text-is("Skipped
 
 test('the mesh grows, the buttons work, and the result is written', () => inFolder(async (folder) => {
   const out = join(folder, 'map');
-  const program = new Program('live', 'synthetic:room', '-o', out, '--view', '--port', '0');
+  const program = new Program('live', 'synthetic:room', '-o', out, '--view', '--port', '0', '--quality', 'fast');
   const url = await program.url();
   await withBrowser(async (open, errors) => {
     const page = await open(url);
@@ -67,6 +67,31 @@ test('the mesh grows, the buttons work, and the result is written', () => inFold
   });
   for (const file of ['mesh.glb', 'map.vdb', 'trajectory.txt', 'report.json', 'report.html'])
     assert.ok(existsSync(join(out, file)), file);
+}));
+
+test('the stages after Finish show their progress, and Skip ends them', () => inFolder(async (folder) => {
+  const out = join(folder, 'map');
+  const program = new Program('live', 'synthetic:room', '-o', out, '--view', '--port', '0', '--quality', 'best', '--voxel-size', '0.03', '--no-texture');
+  const url = await program.url();
+  await withBrowser(async (open) => {
+    const page = await open(url);
+    await until(async () => (await triangles(page)) > 100 && (await fusedIn(page)) > 65);
+    await page.getByRole('button', { name: 'Finish' }).click();
+    const skip = page.getByRole('button', { name: 'Skip', exact: true });
+    await skip.waitFor();
+    await until(async () => (await page.locator('#status').textContent()) === 'Adjusting the poses');
+    assert.ok(await page.getByRole('progressbar').isVisible());
+    await page.screenshot({ path: join(pictures, 'live-stage.png') });
+    await skip.click();
+    await until(() => /the page shows the result/.test(program.output), () => program.output);
+    assert.equal(await skip.count(), 0);
+    await page.close();
+    assert.equal(await program.ended, 0, program.output);
+  });
+  const { quality, frames } = JSON.parse(readFileSync(join(out, 'report.json'), 'utf8'));
+  assert.equal(quality.requested, 'best');
+  assert.match(quality.words, /^skipped in the stage (adjust|reintegrate)/);
+  assert.ok(frames.total < 300);
 }));
 
 test('the page reconnects after a lost connection, and reports the end of the program', () => inFolder(async (folder) => {
