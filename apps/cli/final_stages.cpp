@@ -124,7 +124,7 @@ class ShownStages {
   Clock::time_point start_;
 };
 
-/// Stages after the last frame, as requested one by one or by a quality.
+/// Stages after the last frame, as requested singly or by a quality.
 FinishOptions finish_options(const FinalStages& stages, bool judges, Source* again) {
   if (stages.is_expert())
     return {.refine = stages.refine, .adjust = stages.adjust, .reintegrate = stages.reintegrate ? again : nullptr};
@@ -162,6 +162,12 @@ int judging_interval(Quality quality, std::optional<int> frames) {
   return frames ? std::max(kMinHeldOutInterval, *frames / kHeldOutFrames) : kStreamHeldOutInterval;
 }
 
+/// Result of a quality for report.json; empty for single stages.
+nlohmann::json quality_json(const FinalStages& stages, bool is_kept, const std::string& words) {
+  if (stages.is_expert()) return {};
+  return {{"quality", {{"requested", to_string(stages.quality)}, {"kept", is_kept}, {"words", words}}}};
+}
+
 }  // namespace
 
 bool FinalStages::apply_to(const Run& run) const {
@@ -184,16 +190,14 @@ double relative_time(Quality quality, std::optional<int> frames) {
   return quality == Quality::good ? kGood : kBest;
 }
 
+nlohmann::json skip(const FinalStages& stages, Run& run) {
+  run.interrupted_in(stages.refine ? "refine" : "adjust");
+  return quality_json(stages, false, "the map as tracked, since the stages were skipped");
+}
+
 nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Run& run, Interrupt& interrupt,
                        LiveViewer* view) {
-  const auto quality = [&](bool is_kept, const std::string& words) -> nlohmann::json {
-    if (stages.is_expert()) return {};
-    return {{"quality", {{"requested", to_string(stages.quality)}, {"kept", is_kept}, {"words", words}}}};
-  };
-  if (interrupt.requested()) {
-    run.interrupted_in(stages.refine ? "refine" : "adjust");
-    return quality(false, "the map as tracked, since the stages were skipped");
-  }
+  if (interrupt.requested()) return skip(stages, run);
   ShownStages shown(run, interrupt, view);
   FinishOptions options = finish_options(stages, judges, again);
   options.progress = std::ref(shown);
@@ -201,8 +205,8 @@ nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Ru
   shown.end();
   if (finished.has_fused_held_out) run.fused_held_out();
   if (!stages.is_expert() && !shown.skipped()) run.improved();
-  nlohmann::json results = quality(
-      finished.is_kept,
+  nlohmann::json results = quality_json(
+      stages, finished.is_kept,
       (shown.skipped() ? fmt::format("skipped in the stage {}; ", to_string(*shown.skipped())) : "") + gain(finished));
   if (finished.error_before) results["quality"]["before"] = to_json(*finished.error_before);
   if (finished.error) results["quality"]["after"] = to_json(*finished.error);

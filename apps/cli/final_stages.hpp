@@ -13,7 +13,7 @@
 
 namespace cairn::apps {
 
-/// Requested stages: by a quality, or one by one and unjudged.
+/// Requested stages: by a quality, or singly and unjudged.
 struct FinalStages {
   Quality quality = Quality::good;
   bool refine = false, adjust = false, reintegrate = false;
@@ -30,6 +30,9 @@ void hold_out_to_judge(Quality quality, const RunArguments& a, const Source& sou
 
 /// Time of the stages of a quality, relative to the time of the frames; 0 for fewer frames than the stages need.
 [[nodiscard]] double relative_time(Quality quality, std::optional<int> frames);
+
+/// Records that the user has skipped all stages. Returns the results for report.json.
+[[nodiscard]] nlohmann::json skip(const FinalStages& stages, Run& run);
 
 /// Improves the complete map after the last frame, and returns the results for report.json. A signal, or a command of
 /// the page, ends the current stage and keeps its previous result; an adjustment keeps its intermediate result.

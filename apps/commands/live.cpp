@@ -18,8 +18,8 @@
 #include "cli/interrupt.hpp"
 #include "cli/progress.hpp"
 #include "cli/run.hpp"
+#include "cli/run_view.hpp"
 #include "cli/sources.hpp"
-#include "cli/view_options.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -28,14 +28,12 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 constexpr int kMaxWidthOnCpu = 256;   // maximum image width in pixels for alignment on a CPU
 constexpr auto kFrameTimeout = 50ms;  // longest wait for a frame before viewers are served
-constexpr auto kViewerTimeout = 5s;   // after this time a viewer is gone, not reloading
-constexpr auto kResultTimeout = 10s;  // time for viewers to fetch the result after an interrupt
 
 constexpr const char* kSkipping = "keeping the map as tracked; interrupt again to end at once";
 
 struct Arguments : RunArguments {
-  bool view = false, as_fast_as_possible = false, real_time = false;
-  ViewArguments page;
+  bool as_fast_as_possible = false, real_time = false;
+  RunViewArguments view;
   FinalStages stages;
 };
 
@@ -155,21 +153,6 @@ void print(const nlohmann::json& json, const FrameRates& frame_rates, const Live
   fmt::print("live        {}, {:.0f} ms from frame to pose (95 %)\n", pace, stats.latencies.percentile(0.95));
 }
 
-/// Serves the result while a viewer is connected; after Ctrl-C only until viewers have fetched it.
-void show_result(LiveViewer& view, const std::filesystem::path& output, bool is_interrupted) {
-  view.finished(output);
-  if (view.viewers() == 0) return;
-  std::fflush(stdout);
-  const Interrupt interrupt(Interrupt::Graceful::now, "");
-  if (!is_interrupted) fmt::print(stderr, "the page shows the result; press Ctrl-C or close it to end\n");
-  const auto begin = Clock::now();
-  for (auto seen = begin; !interrupt.requested() && Clock::now() - seen < kViewerTimeout;) {
-    std::this_thread::sleep_for(kFrameTimeout);
-    if (view.viewers() > 0) seen = Clock::now();
-    if (is_interrupted && (view.is_shown() || Clock::now() - begin > kResultTimeout)) break;
-  }
-}
-
 /// Sets the messages of the first and the second signal: the second skips the final stages, if there are any.
 void set_messages(const Arguments& a, const Run& run, Interrupt& interrupt) {
   const bool has_stages = a.stages.apply_to(run);
@@ -242,18 +225,13 @@ void improve(const Arguments& a, const RunProgress& begin, const LiveStats& stat
 
 void live(const Arguments& requested) {
   Arguments a = with_output(requested, inputs_of(requested));
-  a.may_be_reset = a.view;
+  a.may_be_reset = a.view.view;
   limit_heap_growth();
   Options options = options_of(a);  // reports wrong options before a sensor is opened
   ResumePoint begin = resume_point(a, {});
-  std::optional<LiveViewer> view;
-  std::unique_ptr<BrowserPage> page;
-  if (a.view) {
-    const ViewerSite& site = view.emplace(a.page.at).site();
-    fmt::print(stderr, "view        {}\n", site.urls.front().url);
-    page = announce_page(a.page, site, "see the map, and pause, reset and finish the run",
-                         [&view] { return view->is_opened(); });
-  }
+  std::optional<RunView> page;
+  if (a.view.view) page.emplace(a.view, "see the map, and pause, reset and finish the run");
+  LiveViewer* const view = page ? &page->viewer() : nullptr;
   auto source = open_source(a.sequence, source_options(a, begin.range));
   hold_out_to_judge(a.stages.quality, a, *source, begin.progressed);
   Stream stream(a, hold_out(std::move(source), begin.progressed.hold_out));
@@ -266,16 +244,16 @@ void live(const Arguments& requested) {
   LiveStats stats;
   std::optional<ExitMessage> exit_message(run.exit_message());
   std::optional<Interrupt> interrupt(Interrupt::Graceful::later);
-  process_frames(a, *interrupt, stream, run, options, view ? &*view : nullptr, stats);
+  process_frames(a, *interrupt, stream, run, options, view, stats);
   bool is_interrupted = interrupt->requested();
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
   const double seconds = std::chrono::duration<double>(Clock::now() - stats.first).count();
   const int dropped = stream.source().dropped();  // read now, since a sensor keeps running while files are written
-  nlohmann::json report{{"live", to_json(seconds, stats.fused, dropped, stats.latencies, view ? &*view : nullptr)}};
+  nlohmann::json report{{"live", to_json(seconds, stats.fused, dropped, stats.latencies, view)}};
   const FrameRates frame_rates = stats.frame_rates(dropped);
   run.set_frame_rates(frame_rates);
-  improve(a, begin.progressed, stats, run, *interrupt, view ? &*view : nullptr, report);
+  improve(a, begin.progressed, stats, run, *interrupt, view, report);
   interrupt->set_message(kWriting);
   interrupt->set_next_message("");
   if (view) view->finishing();
@@ -284,7 +262,7 @@ void live(const Arguments& requested) {
   exit_message.reset();
   is_interrupted = is_interrupted || interrupt->requested();
   interrupt.reset();
-  if (view) show_result(*view, a.output, is_interrupted);
+  if (page) page->show_result(a.output, is_interrupted);
   exit_with(verdict);
 }
 
@@ -294,8 +272,7 @@ void add_live(CLI::App& program) {
   auto* command = program.add_subcommand("live", "Map with a depth camera in real time, and watch the map grow");
   const auto a = std::make_shared<Arguments>();
   add_run_options(*command, *a);
-  auto* view = command->add_flag("--view", a->view, "Show the map in a browser while it grows; prints the address");
-  add_view_options(*command, a->page, view);
+  add_run_view(*command, a->view);
   add_quality(*command, a->stages.quality);
   auto* fast = command->add_flag("--as-fast-as-possible", a->as_fast_as_possible,
                                  "Play a recording faster than recorded, if possible");

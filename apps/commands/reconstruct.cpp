@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <thread>
 #include <utility>
 
 #include "cairn/eval/pose_check.hpp"
@@ -14,6 +15,7 @@
 #include "cli/quantity.hpp"
 #include "cli/quiet.hpp"
 #include "cli/run.hpp"
+#include "cli/run_view.hpp"
 #include "cli/sources.hpp"
 
 namespace cairn::apps {
@@ -22,6 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
+constexpr auto kPollInterval = std::chrono::milliseconds(50);  // of the page's commands during a pause
 constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
 
 struct Arguments : RunArguments {
@@ -30,7 +33,10 @@ struct Arguments : RunArguments {
   std::optional<std::string> poses_convention;
   int read_ahead = 4;
   FinalStages stages;
+  RunViewArguments view;
 };
+
+double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
 
 /// Poses of --poses or --guess, world_from_camera; empty without either.
 Trajectory given_poses(const Arguments& a) {
@@ -73,37 +79,57 @@ void report(const PoseCheck& check, Poses poses, Run& run) {
     spdlog::warn(to_string(check, "--guess"));
 }
 
-/// Adds frames until the recording ends or a signal arrives. Returns the number of frames read.
-int add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrupt) {
-  int read = 0;
+struct ReadFrames {
+  int count = 0;
+  bool is_ended_by_user = false;  // by a signal or the page
+};
+
+/// Adds frames until the recording or the user ends the run; handles the page's commands between frames.
+ReadFrames add_frames(const Arguments& a, Source& source, Run& run, Interrupt& interrupt, LiveViewer* view) {
+  ReadFrames read;
   Progress progress(source.size(), "frames", relative_time(a.stages.quality, source.size()));
+  bool is_paused = false;
   auto waited = Clock::now();
-  while (!interrupt.requested()) {
+  while (!(read.is_ended_by_user = interrupt.requested())) {
+    if (view) {
+      const LiveViewer::ViewerCommands commands = view->commands();
+      if ((read.is_ended_by_user = commands.finish)) break;
+      is_paused = commands.pause.value_or(is_paused);
+      view->update(is_paused, 0);
+      if (is_paused) {
+        std::this_thread::sleep_for(kPollInterval);
+        waited = Clock::now();
+        continue;
+      }
+    }
     const auto frame = source.next();
     if (!frame) break;
-    ++read;
-    const FrameReport report =
-        run.add(*frame, std::chrono::duration<double, std::milli>(Clock::now() - waited).count());
+    ++read.count;
+    const auto arrived = Clock::now();
+    const FrameReport report = run.add(*frame, milliseconds(arrived - waited));
     if (run.stopped()) break;
     if (report.state == FrameState::fused) interrupt.allow_graceful_exit();
     progress.step(to_string(report, a.verbose));
+    if (view) view->fused(*frame, report, milliseconds(Clock::now() - arrived));
     waited = Clock::now();
   }
   return read;
 }
 
 /// Runs the stages after the last frame and returns their results for report.json.
-nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const Trajectory& given, Run& run,
-                       Interrupt& interrupt) {
+nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const Trajectory& given,
+                       const ReadFrames& read, Run& run, Interrupt& interrupt, LiveViewer* view) {
   interrupt.allow_graceful_exit();  // also if no frame was left
-  if (!a.stages.apply_to(run)) return {};
+  const bool is_improved = read.count == 0 && progressed.improved;
+  if (run.stopped() || (is_improved && !a.stages.is_expert()) || !a.stages.apply_to(run)) return {};
+  if (read.is_ended_by_user) return skip(a.stages, run);
   std::unique_ptr<Source> again;
   if (a.stages.read_again(a) && !interrupt.requested()) {
     SourceOptions options = source_options(a, parse_frames(a.frames));
     options.find_color_camera = false;  // already known to the mapper
     again = with_wrappers(open_source(a.sequence, options), a, progressed.hold_out, given);
   }
-  return improve(a.stages, again.get(), progressed.judges, run, interrupt, nullptr);
+  return improve(a.stages, again.get(), progressed.judges, run, interrupt, view);
 }
 
 void reconstruct(const Arguments& requested) {
@@ -115,6 +141,9 @@ void reconstruct(const Arguments& requested) {
   (void)options_of(a);  // reports wrong options before reading
   ResumePoint begin = resume_point(a, parse_frames(a.frames));
   const Trajectory given = given_poses(a);
+  std::optional<RunView> page;
+  if (a.view.view) page.emplace(a.view, "see the map, and pause and finish the run");
+  LiveViewer* const view = page ? &page->viewer() : nullptr;
   const std::optional<PoseCheck> pose_check = check_given_poses(a, source_options(a, begin.range), given);
   auto recording = open_source(a.sequence, source_options(a, begin.range));
   hold_out_to_judge(a.stages.quality, a, *recording, begin.progressed);
@@ -126,19 +155,25 @@ void reconstruct(const Arguments& requested) {
     run.compare_with(given, kGuessDrift);
   else if (poses == Poses::tracked)
     run.compare_with(device_poses(a.sequence, a.camera));
-  const ExitMessage exit_message(run.exit_message());
-  Interrupt interrupt(Interrupt::Graceful::later);
+  if (view) view->begin(run.mapper(), source->rig(), options, run.frames_before(), false);
+  std::optional<ExitMessage> exit_message(run.exit_message());
+  std::optional<Interrupt> interrupt(Interrupt::Graceful::later);
   const std::optional<int> count = source->size();
-  const int read = add_frames(a, *source, run, interrupt);
-  if (interrupt.requested() && count && read < *count) run.interrupted(*count - read);
-  const bool is_improved = read == 0 && begin.progressed.improved;
-  const bool is_final = run.stopped() || (is_improved && !a.stages.is_expert());
-  const nlohmann::json results = is_final ? nlohmann::json() : improve(a, begin.progressed, given, run, interrupt);
-  interrupt.set_message(kWriting);
+  const ReadFrames read = add_frames(a, *source, run, *interrupt, view);
+  if (read.is_ended_by_user && count && read.count < *count) run.interrupted(*count - read.count);
+  if (view) view->finishing();
+  const nlohmann::json results = improve(a, begin.progressed, given, read, run, *interrupt, view);
+  interrupt->set_message(kWriting);
+  if (view) view->finishing();
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)
     run.warn(fmt::format("--hold-out {}: no frame was held out: give a smaller number", *a.hold_out));
-  exit_with(run.finish(results));
+  const Verdict verdict = run.finish(results);
+  const bool is_interrupted = interrupt->requested();
+  exit_message.reset();
+  interrupt.reset();
+  if (page) page->show_result(a.output, is_interrupted);
+  exit_with(verdict);
 }
 
 /// Adds the options for the stages after the last frame.
@@ -203,10 +238,12 @@ void add_reconstruct(CLI::App& program) {
           return error.what();
         }
       });
+  add_run_view(*command, a->view);
   command
       ->add_flag("--no-mesh", a->no_mesh,
                  "Write only the session, the trajectory and report.json: for a segment of a project")
-      ->excludes(poses);
+      ->excludes(poses)
+      ->excludes("--view");
   add_stages(*command, a, poses);
   command->callback([a] { reconstruct(*a); });
 }

@@ -170,6 +170,21 @@ TEST_F(Live, WithoutStagesLeavesAResumableSessionAtTheSecondCtrlC) {
   expect_map("map");
 }
 
+TEST_F(Live, ViewDoesNotChangeAReconstruction) {
+  write_small_recording(folder / "rec");
+  const std::vector<std::string> words{"reconstruct", "rec", "--no-texture", "--config", "rec.yaml", "-o"};
+  for (const std::vector<std::string>& more : {std::vector<std::string>{"a"}, {"b", "--view", "--port", "0"}}) {
+    std::vector<std::string> all = words;
+    all.insert(all.end(), more.begin(), more.end());
+    const Ran ran = Running(all, folder.path()).end();
+    ASSERT_EQ(ran.exit_code, 0) << ran.err;
+    EXPECT_EQ(ran.err.find("view        http://127.0.0.1:") != std::string::npos, more.size() > 1) << ran.err;
+  }
+  for (const char* file : {"mesh.glb", "map.vdb", "trajectory.txt"})
+    EXPECT_EQ(read_bytes(folder / "a" / file) == read_bytes(folder / "b" / file), true) << file;
+  EXPECT_EQ(run_cairn({"reconstruct", "synthetic:room", "-o", out("c"), "--view", "--no-mesh"}).exit_code, 2);
+}
+
 TEST_F(Live, ReportsViewErrorsInOneLine) {
   const Server server({.port = 0}, {}, nullptr);
   const std::string port = server.url().substr(17, server.url().find('/', 17) - 17);

@@ -94,6 +94,33 @@ test('the stages after Finish show their progress, and Skip ends them', () => in
   assert.ok(frames.total < 300);
 }));
 
+test('reconstruct shows the growing map, pauses, finishes with the frames so far, and shows the result', () => inFolder(async (folder) => {
+  const out = join(folder, 'map');
+  const program = new Program('reconstruct', 'synthetic:room', '-o', out, '--view', '--port', '0', '--voxel-size', '0.03', '--no-texture');
+  const url = await program.url();
+  await withBrowser(async (open) => {
+    const page = await open(url), button = (name) => page.getByRole('button', { name, exact: true });
+    await until(async () => (await triangles(page)) > 100);
+    await button('Pause').click();
+    await until(async () => (await statusOf(page)) === 'paused');
+    const fused = await fusedIn(page);
+    await page.waitForTimeout(500);
+    assert.equal(await fusedIn(page), fused);
+    assert.ok(!(await button('Reset').isVisible()));
+    await page.screenshot({ path: join(pictures, 'reconstruct-view.png') });
+    await button('Resume').click();
+    await until(async () => (await fusedIn(page)) > fused);
+    await button('Finish').click();
+    await until(() => /the page shows the result/.test(program.output), () => program.output);
+    await until(async () => (await page.locator('#status').textContent()).includes(' frames'));
+    await page.close();
+    assert.equal(await program.ended, 0, program.output);
+  });
+  const { interrupted, mesh } = JSON.parse(readFileSync(join(out, 'report.json'), 'utf8'));
+  assert.ok(interrupted.frames_left > 0);
+  assert.ok(mesh.triangles > 100);
+}));
+
 test('the page reconnects after a lost connection, and reports the end of the program', () => inFolder(async (folder) => {
   const program = new Program('live', 'synthetic:room', '-o', join(folder, 'map'), '--view', '--port', '0');
   const url = await program.url();
