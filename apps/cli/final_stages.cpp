@@ -185,7 +185,7 @@ void hold_out_to_judge(Quality quality, const RunArguments& a, const Source& sou
 }
 
 double relative_time(Quality quality, std::optional<int> frames) {
-  constexpr double kGood = 0.6, kBest = 3;
+  constexpr double kGood = 0.9, kBest = 1.4;  // two CPU cores, --no-texture
   if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
   return quality == Quality::good ? kGood : kBest;
 }
