@@ -231,10 +231,15 @@ void evaluate_view_images(const Arguments& a) {
   const auto recording = with_poses(open_source(a.truth), recorded_truth(a.poses.empty() ? a.truth : a.poses));
   const ViewError e = evaluate_views(parts, *recording, world_from_recording, a.step);
   if (a.json)
-    fmt::print("{}\n", format_json({{"psnr_db", e.psnr}, {"covered", e.covered}, {"frames", e.frames}}, 2));
+    fmt::print("{}\n", format_json({{"psnr_db", e.psnr},
+                                    {"psnr_with_gain_db", e.psnr_with_gain},
+                                    {"covered", e.covered},
+                                    {"frames", e.frames}},
+                                   2));
   else
-    fmt::print("PSNR     {:.2f} dB over {} frames\ncovered  {:.1f} % of their pixels\n", e.psnr, e.frames,
-               100 * e.covered);
+    fmt::print(
+        "PSNR     {:.2f} dB over {} frames, {:.2f} dB after a gain per image\ncovered  {:.1f} % of their pixels\n",
+        e.psnr, e.frames, e.psnr_with_gain, 100 * e.covered);
 }
 
 /// Keyframes, inlier loop closures and held-out frames of a report.
@@ -288,7 +293,7 @@ void evaluate_loops_file(const Arguments& a) {
 
 nlohmann::json to_json(const MapError& e, const LoopDrift& drift, bool is_held_out) {
   nlohmann::json j{{"frames", e.frames}, {"held_out", is_held_out}, {"doubled", e.doubled}};
-  if (e.psnr > 0) j["psnr_db"] = e.psnr;
+  if (e.psnr > 0) j.update({{"psnr_db", e.psnr}, {"psnr_with_gain_db", e.psnr_with_gain}});
   for (const auto& r : e.ranges)
     j["depth"].push_back({{"from_m", r.from},
                           {"to_m", r.to},
@@ -316,7 +321,7 @@ void evaluate_map_folder(const Arguments& a) {
   const bool is_held_out = held_out.every > 0;
   const auto recording = hold_out(open_source(a.truth, options), held_out);
   const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times,
-                                  a.map_step.value_or(is_held_out ? 1 : 10), is_held_out);
+                                  a.map_step.value_or(is_held_out ? 1 : 10), is_held_out, clock_offset);
   const LoopDrift drift = evaluate_loop_drift(loops, poses);
   if (a.json) {
     fmt::print("{}\n", format_json(to_json(e, drift, is_held_out), 2));
@@ -328,7 +333,8 @@ void evaluate_map_folder(const Arguments& a) {
     fmt::print(
         "{:.1f} to {:.1f} m          {:.1f} % of the measurements have surface in view, {:.1f} % are elsewhere\n",
         r.from, r.to, 100 * r.covered, 100 * r.elsewhere);
-  if (e.psnr > 0) fmt::print("PSNR                  {:.2f} dB\n", e.psnr);
+  if (e.psnr > 0)
+    fmt::print("PSNR                  {:.2f} dB, {:.2f} dB after a gain per image\n", e.psnr, e.psnr_with_gain);
   fmt::print("doubled               {:.2f} % of the surface has a second sheet within 5 cm\n", 100 * e.doubled);
   if (drift.shift.count > 0)
     fmt::print("loops                 {}, median error {:.1f} mm and {:.2f} degrees\n", drift.shift.count,

@@ -106,6 +106,7 @@ void add_results(py::module_& m) {
       });
   py::class_<ViewError>(m, "ViewError", "Error of renderings of a mesh against the images of a recording.")
       .def_readonly("psnr", &ViewError::psnr, "Peak signal-to-noise ratio, dB.")
+      .def_readonly("psnr_with_gain", &ViewError::psnr_with_gain, "The same after a gain per image and channel, dB.")
       .def_readonly("covered", &ViewError::covered,
                     "Fraction of the depth pixels within 5 cm of the mesh; only these are compared.")
       .def_readonly("frames", &ViewError::frames)

@@ -147,7 +147,7 @@ bool is_one_of(const std::vector<double>& times, double time) {
 }  // namespace
 
 MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const Trajectory& world_from_camera,
-                      std::vector<double> keyframes, int step, bool only_held_out) {
+                      std::vector<double> keyframes, int step, bool only_held_out, double clock_offset) {
   std::sort(keyframes.begin(), keyframes.end());
   MapError error;
   DepthErrors depth;
@@ -160,7 +160,8 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
     rig.depth_correction.apply(rig.depth.width, rig.depth.height, frame->depth);
     const Vector6d velocity = velocity_at(world_from_camera, frame->timestamp);
     depth.add(views.compare_depth(*frame, *pose, velocity));
-    if (!frame->color.empty()) views.compare_color(std::move(*frame), *pose, velocity);
+    const double delay = frame->color_delay - clock_offset;
+    if (!frame->color.empty()) views.compare_color(std::move(*frame), *pose, velocity, delay);
     ++error.frames;
   }
   if (error.frames == 0)
@@ -168,6 +169,7 @@ MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording, const T
                              " has a pose in the map's trajectory: was the map made from another recording?");
   error.ranges = depth.ranges();
   error.psnr = views.psnr();
+  error.psnr_with_gain = views.psnr_with_gain();
   error.doubled = Sheets(parts).doubled();
   return error;
 }

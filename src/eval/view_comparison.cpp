@@ -85,16 +85,18 @@ std::size_t nearest(const Camera& camera, const Eigen::Vector2d& pixel) {
          static_cast<std::size_t>(std::lround(pixel.x()));
 }
 
+/// R, G and B.
+Eigen::Array3d channels(std::uint32_t word) {
+  return {static_cast<double>(word & 255), static_cast<double>(word >> 8 & 255), static_cast<double>(word >> 16 & 255)};
+}
+
 /// R, G and B, interpolated between four pixels.
 Eigen::Vector3d color_at(const std::vector<std::uint32_t>& image, const Camera& camera, const Eigen::Vector2d& pixel) {
   const int x = std::min(static_cast<int>(pixel.x()), camera.width - 2),
             y = std::min(static_cast<int>(pixel.y()), camera.height - 2);
   const double u = pixel.x() - x, v = pixel.y() - y;
   const std::size_t at = nearest(camera, {x, y}), below = at + static_cast<std::size_t>(camera.width);
-  const auto of = [&](std::size_t i) -> Eigen::Vector3d {
-    return {static_cast<double>(image[i] & 255), static_cast<double>(image[i] >> 8 & 255),
-            static_cast<double>(image[i] >> 16 & 255)};
-  };
+  const auto of = [&](std::size_t i) -> Eigen::Vector3d { return channels(image[i]); };
   if (u == 0 && v == 0) return of(at);
   return (1 - v) * ((1 - u) * of(at) + u * of(at + 1)) + v * ((1 - u) * of(below) + u * of(below + 1));
 }
@@ -118,13 +120,16 @@ std::vector<ViewComparison::Pixel> ViewComparison::compare_depth(const Frame& fr
   return pixels;
 }
 
-void ViewComparison::compare_color(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity) {
+void ViewComparison::compare_color(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity,
+                                   double delay) {
   const Camera& camera = rig_.color_view();
   const Eigen::Isometry3d depth_from_color = rig_.depth_from_color();
-  const RenderedView view = render_mesh(parts_, camera, world_from_camera * depth_from_color);
+  const RenderedView view =
+      render_mesh(parts_, camera, world_from_camera * retract(velocity * delay) * depth_from_color);
   const Vector6d of_color = adjoint(depth_from_color.inverse()) * velocity;
   const Rows rows(camera, of_color);
   frame = without_lens(in_color_(std::move(frame)), camera);
+  Eigen::Array3d drawn_drawn = Eigen::Array3d::Zero(), drawn_seen = drawn_drawn, seen_seen = drawn_drawn;
   for (const auto& [p, z] : measured_in(frame)) {
     ++measured_;
     const auto at = rows.at_image_time(p, z);
@@ -132,17 +137,16 @@ void ViewComparison::compare_color(Frame frame, const Eigen::Isometry3d& world_f
     const float rendered = view.depth[nearest(camera, at->head<2>())];
     if (rendered == 0 || std::abs(rendered - static_cast<float>(at->z())) > kMaxDepthDifference) continue;
     ++compared_;
-    const Eigen::Vector3d color = color_at(view.color, camera, at->head<2>());
-    for (int c = 0; c < 3; ++c) {
-      const double error = color[c] - static_cast<double>(frame.color[p] >> (8 * c) & 255);
-      squared_ += error * error;
-    }
+    const Eigen::Array3d drawn = color_at(view.color, camera, at->head<2>()).array(), seen = channels(frame.color[p]);
+    drawn_drawn += drawn.square(), drawn_seen += drawn * seen, seen_seen += seen.square();
   }
+  squared_ += (drawn_drawn - 2 * drawn_seen + seen_seen).sum();
+  squared_with_gain_ += (seen_seen - drawn_seen.square() / drawn_drawn.max(1)).sum();
 }
 
-double ViewComparison::psnr() const {
+double ViewComparison::psnr(double squared) const {
   if (compared_ == 0) return 0;
-  return 10 * std::log10(255.0 * 255.0 * 3 * static_cast<double>(compared_) / std::max(squared_, 1e-9));
+  return 10 * std::log10(255.0 * 255.0 * 3 * static_cast<double>(compared_) / std::max(squared, 1e-9));
 }
 
 double ViewComparison::covered() const {
@@ -156,7 +160,7 @@ ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
   for (int i = 0; auto frame = recording.next(); ++i) {
     if (i % step != 0 || !frame->world_from_camera || frame->color.empty() || frame->problem) continue;
     const Eigen::Isometry3d pose = world_from_recording * *frame->world_from_camera;
-    views.compare_color(std::move(*frame), pose, Vector6d::Zero());
+    views.compare_color(std::move(*frame), pose, Vector6d::Zero(), 0);
     ++error.frames;
   }
   if (!views.has_compared())
@@ -164,6 +168,7 @@ ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
         "no image of the recording shows the mesh: the recording needs color images with poses in the "
         "mesh's frame");
   error.psnr = views.psnr();
+  error.psnr_with_gain = views.psnr_with_gain();
   error.covered = views.covered();
   return error;
 }

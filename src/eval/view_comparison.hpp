@@ -22,19 +22,24 @@ class ViewComparison {
   /// m/s.
   [[nodiscard]] std::vector<Pixel> compare_depth(const Frame& frame, const Eigen::Isometry3d& world_from_camera,
                                                  const Vector6d& velocity) const;
-  /// Accumulates the color error over the pixels where the mesh agrees with the measured depth.
-  void compare_color(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity);
+  /// Accumulates the color error over the pixels where the mesh agrees with the measured depth. `delay`: seconds from
+  /// the depth to the color image.
+  void compare_color(Frame frame, const Eigen::Isometry3d& world_from_camera, const Vector6d& velocity, double delay);
   /// dB over all compared pixels; 0 without any.
-  [[nodiscard]] double psnr() const;
+  [[nodiscard]] double psnr() const { return psnr(squared_); }
+  /// The same, after a least-squares gain per image and channel.
+  [[nodiscard]] double psnr_with_gain() const { return psnr(squared_with_gain_); }
   /// Share of the measured pixels that were compared.
   [[nodiscard]] double covered() const;
   [[nodiscard]] bool has_compared() const { return compared_ > 0; }
 
  private:
+  [[nodiscard]] double psnr(double squared) const;
+
   const std::vector<Mesh>& parts_;
   Rig rig_;
   ColorView in_color_;
-  double squared_ = 0;
+  double squared_ = 0, squared_with_gain_ = 0;
   std::size_t compared_ = 0, measured_ = 0;
 };
 

@@ -92,6 +92,8 @@ struct RenderedView {
 /// Agreement of rendered views of a mesh with the images of a recording.
 struct ViewError {
   double psnr = 0;     ///< dB over all compared pixels and channels
+  /// dB after a gain per image and channel, since a map has a single exposure and the images have their own.
+  double psnr_with_gain = 0;
   double covered = 0;  ///< fraction of depth pixels with the mesh within 5 cm; only these are compared
   int frames = 0;
 };
@@ -110,17 +112,18 @@ struct MapError {
   };
   std::vector<Range> ranges;  ///< depth ranges with measurements, up to 5 m
   double psnr = 0;            ///< dB, see ViewError; 0: without color
+  double psnr_with_gain = 0;  ///< same
   double doubled = 0;  ///< fraction of the surface with a second sheet of the same orientation 5 mm to 5 cm in front or
                        ///< behind: surface reconstructed twice
   int frames = 0;      ///< number of compared frames
 };
 /// Compares every `step`-th frame that has a pose and is no keyframe, because textures are made from keyframes.
 /// `keyframes`: their times, seconds. `only_held_out`: uses only frames with Frame::held_out, unseen by the map if it
-/// was built with the same hold-out. Color is assumed to have the depth image's time. Throws std::runtime_error if no
-/// frame has a pose.
+/// was built with the same hold-out. `clock_offset`: of the color clock, subtracted from Frame::color_delay, seconds.
+/// Throws std::runtime_error if no frame has a pose.
 [[nodiscard]] MapError evaluate_map(const std::vector<Mesh>& parts, Source& recording,
                                     const Trajectory& world_from_camera, std::vector<double> keyframes, int step = 10,
-                                    bool only_held_out = false);
+                                    bool only_held_out = false, double clock_offset = 0);
 
 /// Topology of a mesh; vertices with identical positions are merged.
 struct MeshTopology {
