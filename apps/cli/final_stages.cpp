@@ -11,7 +11,9 @@
 #include <utility>
 #include <vector>
 
+#include "cairn/io/layouts.hpp"
 #include "cli/progress.hpp"
+#include "cli/sources.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -145,8 +147,14 @@ std::string gain(const FinishReport& finished) {
   if (!finished.error_before || !finished.error) return "too few frames held out to judge the adjusted map";
   const HeldOutError &before = *finished.error_before, &after = *finished.error;
   std::string text = fmt::format("depth error {:.1f} -> {:.1f} mm", 1000 * before.depth_rmse, 1000 * after.depth_rmse);
-  if (before.brightness_rmse > 0)
-    text += fmt::format(", brightness {:.1f} -> {:.1f} %", 100 * before.brightness_rmse, 100 * after.brightness_rmse);
+  const auto add = [&](const char* name, double from, double to) {
+    text += fmt::format(", {} {:.1f} -> {:.1f} %", name, 100 * from, 100 * to);
+  };
+  if (before.brightness_rmse > 0) add("brightness", before.brightness_rmse, after.brightness_rmse);
+  if (!finished.is_kept) {
+    add("covered", before.covered, after.covered);
+    add("doubled", before.doubled, after.doubled);
+  }
   text += fmt::format(" in {} held-out frames", after.frames);
   if (!finished.is_kept) return "the map as tracked, since the adjusted map is worse: " + text;
   if (finished.adjusted && finished.adjusted->has_readout)
@@ -174,10 +182,6 @@ bool FinalStages::apply_to(const Run& run) const {
   return is_expert() || (quality != Quality::fast && run.posed() >= kMinJudgedFrames && run.mapper().recordings() == 1);
 }
 
-bool FinalStages::read_again(const RunArguments& a) const {
-  return reintegrate || (!is_expert() && !is_sensor(a.sequence));
-}
-
 void hold_out_to_judge(Quality quality, const RunArguments& a, const Source& source, RunProgress& progressed) {
   if (a.hold_out || a.resume) return;
   progressed.hold_out.every = judging_interval(quality, source.size());
@@ -188,6 +192,19 @@ double relative_time(Quality quality, std::optional<int> frames) {
   constexpr double kGood = 0.9, kBest = 1.4;  // two CPU cores, --no-texture
   if (quality == Quality::fast || (frames && *frames < kMinJudgedFrames)) return 0;
   return quality == Quality::good ? kGood : kBest;
+}
+
+std::unique_ptr<Source> open_again(const FinalStages& stages, const RunArguments& a, const FrameRange& range,
+                                   Run& run) {
+  if (!stages.reintegrate && (stages.is_expert() || is_sensor(a.sequence))) return nullptr;
+  SourceOptions options = source_options(a, range);
+  options.find_color_camera = false;  // already known to the mapper
+  try {
+    return open_source(a.sequence, options);
+  } catch (const std::exception& error) {
+    run.warn(fmt::format("frames are not fused again: {}", error.what()));
+    return nullptr;
+  }
 }
 
 nlohmann::json skip(const FinalStages& stages, Run& run) {

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Stages of a run after the last frame, shared by `reconstruct` and `live`.
 #pragma once
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -21,8 +22,6 @@ struct FinalStages {
   [[nodiscard]] bool is_expert() const { return refine || adjust || reintegrate; }
   /// True if the run has enough frames for the stages, of a single recording.
   [[nodiscard]] bool apply_to(const Run& run) const;
-  /// True if the stages read the recording again.
-  [[nodiscard]] bool read_again(const RunArguments& a) const;
 };
 
 /// Selects the frames held out to judge the quality, in the first run of a session.
@@ -30,6 +29,10 @@ void hold_out_to_judge(Quality quality, const RunArguments& a, const Source& sou
 
 /// Time of the stages of a quality, relative to the time of the frames; 0 for fewer frames than the stages need.
 [[nodiscard]] double relative_time(Quality quality, std::optional<int> frames);
+
+/// Opens the recording again for the stages; null if they do not read it, and, with a warning, if it cannot be opened.
+[[nodiscard]] std::unique_ptr<Source> open_again(const FinalStages& stages, const RunArguments& a,
+                                                 const FrameRange& range, Run& run);
 
 /// Records that the user has skipped all stages. Returns the results for report.json.
 [[nodiscard]] nlohmann::json skip(const FinalStages& stages, Run& run);

@@ -206,20 +206,15 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
     run.interrupted(*count - gone);
 }
 
-/// Frames of a recording so far, from its start, for its re-integration; null for a sensor.
-std::unique_ptr<Source> open_again(const Arguments& a, const HoldOut& held_out, const Run& run) {
-  if (!a.stages.read_again(a)) return nullptr;
-  SourceOptions options = source_options(a, {.end = run.next_frame() - first_index(a.sequence)});
-  options.find_color_camera = false;  // already known to the mapper
-  return read_ahead(hold_out(open_source(a.sequence, options), held_out));
-}
-
 /// Runs the stages after the last frame, and adds their results to the report.
 void improve(const Arguments& a, const RunProgress& begin, const LiveStats& stats, Run& run, Interrupt& interrupt,
              LiveViewer* view, nlohmann::json& report) {
   if (run.stopped() || !a.stages.apply_to(run) || (stats.read == 0 && begin.improved)) return;
   interrupt.begin_next_step(kSkipping);
-  const auto again = interrupt.requested() ? nullptr : open_again(a, begin.hold_out, run);
+  std::unique_ptr<Source> again;
+  const FrameRange read{.end = run.next_frame() - first_index(a.sequence)};
+  if (!interrupt.requested()) again = open_again(a.stages, a, read, run);
+  if (again) again = read_ahead(hold_out(std::move(again), begin.hold_out));
   report.update(improve(a.stages, again.get(), begin.judges, run, interrupt, view));
 }
 

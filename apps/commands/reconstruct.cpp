@@ -124,11 +124,8 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
   if (run.stopped() || (is_improved && !a.stages.is_expert()) || !a.stages.apply_to(run)) return {};
   if (read.is_ended_by_user) return skip(a.stages, run);
   std::unique_ptr<Source> again;
-  if (a.stages.read_again(a) && !interrupt.requested()) {
-    SourceOptions options = source_options(a, parse_frames(a.frames));
-    options.find_color_camera = false;  // already known to the mapper
-    again = with_wrappers(open_source(a.sequence, options), a, progressed.hold_out, given);
-  }
+  if (!interrupt.requested()) again = open_again(a.stages, a, parse_frames(a.frames), run);
+  if (again) again = with_wrappers(std::move(again), a, progressed.hold_out, given);
   return improve(a.stages, again.get(), progressed.judges, run, interrupt, view);
 }
 
