@@ -6,6 +6,7 @@
 #ifndef CAIRN_TEXTURE_H
 #define CAIRN_TEXTURE_H
 #include "shaders/types.h"
+#include "shaders/volume.h"
 #ifdef __cplusplus
 #include <cmath>
 namespace cairn::shader {
@@ -15,6 +16,7 @@ const uint kTileSide = 8;     // texels
 const uint kTileTexels = 64;  // texels with a common selection of views
 const uint kTileViews = 12;   // maximum number of views per tile
 const uint kNoView = 0xffffffffu;
+const uint kGainColumns = 8, kGainRows = 6;  // cells of an image with separate gains
 
 struct Texel {     // a point under a texel
   vec3 position;   // meters, world
@@ -27,36 +29,30 @@ struct TextureView {
   vec3 velocity;   // of the camera in its own frame, m/s
   vec3 turn_rate;  // rad/s
   float delay;     // seconds from the depth image to the color image
-  vec3 gain;       // factor on its colors
   uvec2 pixels;    // device addresses
   uvec2 blurred;
-};
-
-// Corrections of the color camera relative to the depth camera to which its images are registered.
-struct ColorCamera {
-  vec3 rotation;   // small rotation, rad
-  vec3 translation;  // meters
-  float focal_scale;  // focal length factor; 1: equal focal lengths
 };
 
 struct TexturePreparePush {
   Pinhole camera;
 };
 
+struct TextureReferencePush {
+  VolumeView volume;
+  Pinhole camera;
+  Rigid world_from_camera;
+};
+
+struct TextureExposePush {
+  uint width, height;  // pixels
+  uint words;          // per pixel; the last is its color
+};
+
 struct TextureBlendPush {
   Pinhole camera;
   uint tiles;
-  ColorCamera color;
   uint views;       // number of TextureView
   float tolerance;  // meters in addition to the noise, maximum depth of a surface behind the measurement
-};
-
-struct TextureSamplePush {
-  Pinhole camera;
-  ColorCamera color;
-  uint points;
-  float tolerance;
-  uint sharp;  // 1: full colors; 0: low frequencies only
 };
 
 #ifdef __cplusplus
@@ -90,13 +86,12 @@ const float kExposure = 0.01;  // seconds, typical for an indoor image
 
 // Weight of a view for a point: its texels per square meter, reduced for motion blur and at depth edges and image
 // borders. 0: the point is not visible. `pixel` is in the color image, which was taken `delay` later.
-float view_weight(TextureView view, Pinhole camera, ColorCamera color, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
+float view_weight(TextureView view, Pinhole camera, vec3 position, vec3 normal, float tolerance, out vec2 pixel) {
   vec3 p = transform(view.camera_from_world, position), moving = view.velocity + cross(view.turn_rate, p);
   vec3 later = p - view.delay * moving;
-  later += cross(color.rotation, later) + color.translation;
   float z = max(p.z, 0.05);
   vec2 last = vec2(camera.width - 1u, camera.height - 1u) - 0.001;
-  vec2 in_depth = project(camera, vec3(p.xy, z)), in_color = project(camera, vec3(color.focal_scale * later.xy, max(later.z, 0.05)));
+  vec2 in_depth = project(camera, vec3(p.xy, z)), in_color = project(camera, vec3(later.xy, max(later.z, 0.05)));
   pixel = clamp(in_color, vec2(0.0), last);
   vec2 measured = clamp(in_depth, vec2(0.0), last);
   ivec2 nearest = ivec2(measured + 0.5);
@@ -119,7 +114,7 @@ vec3 sharp_color(TextureView view, Pinhole camera, vec2 pixel) {
   ViewPixels pixels = ViewPixels(view.pixels);
   vec3 above = mix(color_of(pixels.v[i].y), color_of(pixels.v[i + 1u].y), f.x);
   vec3 below = mix(color_of(pixels.v[i + camera.width].y), color_of(pixels.v[i + camera.width + 1u].y), f.x);
-  return view.gain * mix(above, below, f.y);
+  return mix(above, below, f.y);
 }
 
 // Pixel (i, j) of the blurred image is the mean around the center of the block of 4 x 4 that starts at 4 (i, j).
@@ -132,7 +127,7 @@ vec3 smooth_color(TextureView view, Pinhole camera, vec2 pixel) {
   ViewBlurred pixels = ViewBlurred(view.blurred);
   vec3 above = mix(color_of(pixels.v[i]), color_of(pixels.v[i + 1u]), f.x);
   vec3 below = mix(color_of(pixels.v[i + size.x]), color_of(pixels.v[i + size.x + 1u]), f.x);
-  return view.gain * mix(above, below, f.y);
+  return mix(above, below, f.y);
 }
 #endif
 #endif

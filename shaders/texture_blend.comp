@@ -26,7 +26,7 @@ void main() {
     uint v = chosen[tile * kTileViews + k].y;
     if (v == kNoView) break;
     TextureView view = views[v];
-    float w = view_weight(view, push.camera, push.color, texel.position, normal, push.tolerance, pixel);
+    float w = view_weight(view, push.camera, texel.position, normal, push.tolerance, pixel);
     mean += w * smooth_color(view, push.camera, pixel);
     total += w;
     best = max(best, w);
@@ -42,7 +42,7 @@ void main() {
     uint v = chosen[tile * kTileViews + k].y;
     if (v == kNoView) break;
     TextureView view = views[v];
-    float w = view_weight(view, push.camera, push.color, texel.position, normal, push.tolerance, pixel);
+    float w = view_weight(view, push.camera, texel.position, normal, push.tolerance, pixel);
     vec3 smooth_c = smooth_color(view, push.camera, pixel), d = (smooth_c - mean) / kDiffers;
     float confidence = 1.0 / (1.0 + dot(d, d));
     confidence *= confidence;

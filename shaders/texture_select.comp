@@ -35,7 +35,7 @@ void main() {
     for (uint k = 0u; k < kSamples; ++k) {
       Texel t = texels[k == 0u ? s0 : k == 1u ? s1 : k == 2u ? s2 : k == 3u ? s3 : s4];
       vec2 pixel;
-      weight += view_weight(view, push.camera, push.color, t.position, unpack_normal(t.normal), push.tolerance, pixel);
+      weight += view_weight(view, push.camera, t.position, unpack_normal(t.normal), push.tolerance, pixel);
     }
     // Insertion sort, which drops the worst view; weights are not negative, so their bits sort like integers.
     uvec2 mine = uvec2(floatBitsToUint(weight), v);

@@ -97,12 +97,6 @@ void print_upright(const nlohmann::json& upright) {
   fmt::print("upright     {}{}\n", words, turned > 0.05 ? fmt::format("; rotated by {:.1f} degrees", turned) : "");
 }
 
-/// Rotation, translation and focal scale in sequence.
-nlohmann::json to_json(const ColorCameraOffset& offset) {
-  const Eigen::Vector3f &r = offset.rotation, &t = offset.translation;
-  return nlohmann::json::array({r.x(), r.y(), r.z(), t.x(), t.y(), t.z(), offset.focal_scale});
-}
-
 nlohmann::json to_json(const ExportReport& e) {
   nlohmann::json j{{"full_triangles", e.full_triangles},
                    {"triangles", e.triangles},
@@ -120,8 +114,7 @@ nlohmann::json to_json(const ExportReport& e) {
               {"texel_m", e.texel},
               {"texels", e.texels},
               {"textured_share", e.textured_share},
-              {"keyframes", e.keyframes},
-              {"color_camera", to_json(e.color_camera)}});
+              {"keyframes", e.keyframes}});
   add_old_fields(j);
   return j;
 }

@@ -129,15 +129,6 @@ ExportViewsReport export_views(GuardedMap& map, const fs::path& folder, const st
 }
 
 void add_export_reports(py::module_& m) {
-  py::class_<ColorCameraOffset>(m, "ColorCameraOffset", "Estimated offset of the color camera from the depth camera.")
-      .def_property_readonly(
-          "rotation", [](const ColorCameraOffset& o) { return to_numpy(Eigen::Vector3d(o.rotation.cast<double>())); },
-          "(3,) float64: rotation vector, radians.")
-      .def_property_readonly(
-          "translation",
-          [](const ColorCameraOffset& o) { return to_numpy(Eigen::Vector3d(o.translation.cast<double>())); },
-          "(3,) float64, meters.")
-      .def_readonly("focal_scale", &ColorCameraOffset::focal_scale, "Relative to the camera's focal length.");
   py::class_<ExportReport>(m, "ExportReport", "Result of Map.export.")
       .def_readonly("full_triangles", &ExportReport::full_triangles,
                     "Number of triangles before cleaning and simplification.")
@@ -149,10 +140,9 @@ void add_export_reports(py::module_& m) {
       .def_readonly("error", &ExportReport::error, "Meters: maximum error of the simplification, as estimated by it.")
       .def_readonly("files", &ExportReport::files, "Written files; the requested one first.")
       .def_readonly("textures", &ExportReport::textures)
-      .def_readonly("texel", &ExportReport::texel, "Size of the largest texel, meters.")
+      .def_readonly("texel", &ExportReport::texel, "Median size of a texel, meters.")
       .def_readonly("textured_share", &ExportReport::textured_share, "Fraction of the texels seen by a keyframe.")
       .def_readonly("keyframes", &ExportReport::keyframes)
-      .def_readonly("color_camera", &ExportReport::color_camera, "ColorCameraOffset of the texture.")
       .def_readonly("stage_ms", &ExportReport::stage_ms, "Milliseconds by stage.")
       .def("__repr__", [](const ExportReport& e) {
         return repr("ExportReport", {{"triangles", e.triangles}, {"textures", e.textures}, {"files", e.files}});

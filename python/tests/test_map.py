@@ -151,8 +151,6 @@ def test_exports_all_formats(mapper: cairn.Mapper, here: Path) -> None:
     textured = map.export("room.glb", texture=True, simplify=0.2, progress=lambda done, count, step: steps.append(step))
     assert textured is not None and textured.textures == 1 and steps
     assert [Path(f).name for f in textured.files] == ["room.glb"] and textured.triangles < textured.full_triangles
-    assert textured.color_camera.rotation.shape == textured.color_camera.translation.shape == (3,)
-    assert abs(textured.color_camera.focal_scale - 1) < 0.05
     plain = map.export("room.ply")
     assert plain is not None and plain.textures == 0 and cairn.Mesh.read("room.ply").colors is not None
     map.export("zup.ply", axes="zup")

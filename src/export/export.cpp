@@ -36,8 +36,7 @@ double cost_of(const ExportRun& run) {
     // Each level of detail has a texture, with about a quarter of the cost of the level before.
     const double levels = is_tileset(run.file) || options.levels > 1 ? 1 / (1 - static_cast<double>(kLevelRatio)) : 1;
     per_brick += levels * (run.cost.charts + ProgressCost::kTexture);
-    keyframes =
-        (ProgressCost::kExposure + ProgressCost::kRegistration) * static_cast<double>(run.input.keyframes.size());
+    keyframes = ProgressCost::kKeyframe * static_cast<double>(run.input.keyframes.size());
   }
   return per_brick * static_cast<double>(run.input.bricks.size()) + keyframes +
          (has_points ? ProgressCost::kPoint * run.expected_points() : 0);

@@ -35,7 +35,7 @@ struct ProgressCost {
   static constexpr double kMesh = 0.1, kClean = 0.25, kSimplify = 0.38, kTexture = 0.13, kWrite = 0.03;
   static constexpr double kChartsFull = 0.46, kChartsBase = 0.04;  // by the ratio of triangles left
   static constexpr double kPoint = 0.0035;
-  static constexpr double kExposure = 120, kRegistration = 100;  // per keyframe
+  static constexpr double kKeyframe = 60;
   double charts = kChartsFull + kChartsBase;                     // per brick
   double done = 0, total = 1;
   /// Out of kSteps, which is reached when all is written.

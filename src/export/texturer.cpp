@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::uint64_t kViewMemory = std::uint64_t{160} << 20;  // bytes of keyframes on the device, 64 of 640x480
 constexpr float kTypicalCoverage = 0.75f;                        // typical fraction of a texture covered by charts
+constexpr float kUnseenTexel = 0.5f;                             // voxels; largest texel, of surface without a view
 constexpr int kMaxTries = 40;                                    // each with coarser charts
 
 std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
@@ -27,14 +28,26 @@ std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
   return run.input.keyframes;
 }
 
-double area_of(const Mesh& mesh) {
-  double area = 0;
-  for (const auto& t : mesh.triangles)
-    area +=
-        0.5 *
-        static_cast<double>(
-            (mesh.positions[t[1]] - mesh.positions[t[0]]).cross(mesh.positions[t[2]] - mesh.positions[t[0]]).norm());
-  return area;
+/// Number of texels of the surface.
+double texels_of(const Mesh& mesh, const std::vector<float>& sizes) {
+  double texels = 0;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3f& a = mesh.positions[t[0]];
+    const float area = 0.5f * (mesh.positions[t[1]] - a).cross(mesh.positions[t[2]] - a).norm();
+    const float size = std::min({sizes[t[0]], sizes[t[1]], sizes[t[2]]});
+    texels += static_cast<double>(area / (size * size));
+  }
+  return texels;
+}
+
+float median(std::vector<float> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+void scale(std::vector<float>& values, float factor) {
+  for (float& value : values) value *= factor;
 }
 
 }  // namespace
@@ -43,42 +56,40 @@ Texturer::Texturer(ExportRun& run)
     : run_(run),
       views_(run.input.volume, run.input.rig, run.input.surface, keyframes_of(run), run.input.get_image, kViewMemory) {
   run.exported.keyframes = static_cast<int>(views_.size());
-  const bool has_color = run.timed("exposure", [&] {
-    return views_.compensate_exposure([&] { run_.step(ProgressCost::kExposure, "comparing exposures"); });
-  });
+  const bool has_color = run.timed("exposure", [&] { return views_.has_color(); });
   if (!has_color)
     throw NoTexture(run.file.string() +
                     ": is not written: the keyframes have no color for a texture: export without "
                     "TextureOptions::enabled");
-  run.timed("registration", [&] { views_.register_color(); });
-  run.step(ProgressCost::kRegistration * static_cast<double>(views_.size()), "meshing");
-  const shader::ColorCamera& c = views_.color_camera();
-  run.exported.color_camera = {.rotation = {c.rotation.x, c.rotation.y, c.rotation.z},
-                               .translation = {c.translation.x, c.translation.y, c.translation.z},
-                               .focal_scale = c.focal_scale};
+  run.step(ProgressCost::kKeyframe * static_cast<double>(views_.size()), "meshing");
 }
 
-float Texturer::texel_size(const Mesh& mesh, int level) const {
+std::vector<float> Texturer::texel_sizes(const Mesh& mesh, int level) const {
   const TextureOptions& options = run_.options.texture;
-  const auto max_size = static_cast<float>(options.max_size);
-  float texel = options.texel > 0 ? options.texel : views_.texel_size(mesh);
-  if (!(texel > 0)) texel = 0.25f * run_.input.volume.options().voxel_size;
-  return std::max(std::ldexp(texel, level), static_cast<float>(std::sqrt(area_of(mesh) / kTypicalCoverage)) / max_size);
+  const float voxel_size = run_.input.volume.options().voxel_size;
+  std::vector<float> sizes =
+      options.texel > 0 ? std::vector(mesh.positions.size(), options.texel) : views_.texel_sizes(mesh);
+  for (float& size : sizes) size = std::min(size, kUnseenTexel * voxel_size);
+  const auto max_texels = static_cast<double>(kTypicalCoverage) * options.max_size * options.max_size;
+  scale(sizes, std::ldexp(1.0f, level));
+  scale(sizes, static_cast<float>(std::max(1.0, std::sqrt(texels_of(mesh, sizes) / max_texels))));
+  return sizes;
 }
 
 Mesh Texturer::texture(Mesh mesh, const CellMesh& part, int level) {
   if (mesh.triangles.empty()) return mesh;
   const int max_size = run_.options.texture.max_size;
-  float texel = texel_size(mesh, level);
+  std::vector<float> sizes = texel_sizes(mesh, level);
   std::optional<TextureAtlas> atlas;
   run_.timed("charts", [&] {
-    for (int attempts = 0; !atlas; ++attempts, texel *= 1.15f) {
+    for (int attempts = 0; !atlas; ++attempts) {
       if (attempts == kMaxTries)
         throw std::runtime_error("the surface does not fit into a texture: give a larger TextureOptions::max_size");
-      atlas = pack(mesh, make_charts(mesh, texel, max_size), max_size);
+      if (attempts > 0) scale(sizes, 1.15f);
+      atlas = pack(mesh, make_charts(mesh, sizes, max_size), max_size);
     }
-    texel /= 1.15f;
   });
+  const float texel = median(std::move(sizes));
   mesh = {};  // as large as its texture
   run_.step(run_.cost.charts * part.bricks, "coloring");
   std::size_t points = 0;

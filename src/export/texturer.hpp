@@ -9,7 +9,7 @@ namespace cairn {
 
 class Texturer {
  public:
-  /// Compensates the exposure of the keyframes. Throws std::runtime_error without keyframes or without color.
+  /// Throws std::runtime_error without keyframes or without color.
   explicit Texturer(ExportRun& run);
   /// Mesh of a part with a texture, coarser for higher levels of detail.
   [[nodiscard]] Mesh texture(Mesh mesh, const CellMesh& part, int level);
@@ -17,8 +17,8 @@ class Texturer {
   void discard_images() { views_.discard_images(); }
 
  private:
-  /// Initial texel size: the keyframes' resolution, limited by the texture's size.
-  [[nodiscard]] float texel_size(const Mesh& mesh, int level) const;
+  /// Initial texel sizes by vertex, meters: the keyframes' resolution, limited by the texture's size.
+  [[nodiscard]] std::vector<float> texel_sizes(const Mesh& mesh, int level) const;
 
   ExportRun& run_;
   TextureViews views_;

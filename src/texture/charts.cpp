@@ -127,6 +127,15 @@ Eigen::Matrix<float, 2, 3> plane_of(const Mesh& mesh, const std::vector<std::uin
   return Eigen::Rotation2Df(-angle).toRotationMatrix() * plane / texel;
 }
 
+float texel_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles, std::span<const float> texels) {
+  std::vector<float> sizes;
+  for (const std::uint32_t t : triangles)
+    for (const std::uint32_t v : mesh.triangles[t]) sizes.push_back(texels[v]);
+  const auto quartile = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 4);
+  std::nth_element(sizes.begin(), quartile, sizes.end());
+  return *quartile;
+}
+
 Chart chart_of(const Mesh& mesh, std::vector<std::uint32_t> triangles, const Eigen::Matrix<float, 2, 3>& plane) {
   Chart chart{std::move(triangles), plane, Eigen::Vector2f::Constant(1e30f), Eigen::Vector2f::Constant(-1e30f)};
   for (const std::uint32_t t : chart.triangles)
@@ -309,7 +318,7 @@ std::vector<TextureAtlas::Tile> tiles_of(const Chart& chart, const Mesh& mesh, c
 
 }  // namespace
 
-std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
+std::vector<Chart> make_charts(const Mesh& mesh, std::span<const float> texels, int max_size) {
   const Shape shape = shape_of(mesh);
   const std::size_t n = mesh.triangles.size();
   std::vector<std::uint32_t> order(n);
@@ -350,7 +359,7 @@ std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size) {
         mean.normalize();
         if (shape.normal[seed].dot(mean) > kMinNormalCosine) axis = mean, triangles = grow(seed, axis);
       }
-      Chart chart = chart_of(mesh, triangles, plane_of(mesh, triangles, axis, texel));
+      Chart chart = chart_of(mesh, triangles, plane_of(mesh, triangles, axis, texel_of(mesh, triangles, texels)));
       for (const std::uint32_t t : triangles) taken[t] = true;
       for (const std::uint32_t t : remove_overlapping(chart, mesh)) {
         taken[t] = false;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "cairn/mapping/mesh.hpp"
@@ -20,9 +21,10 @@ struct Chart {
   Eigen::Vector2f low, high;         // bounds of its projected vertices
 };
 
-/// Grows charts from the flattest triangles until the surface turns away (Sander et al. 2003). `texel`: meters;
-/// `max_size`: texels per side.
-[[nodiscard]] std::vector<Chart> make_charts(const Mesh& mesh, float texel, int max_size);
+/// Grows charts from the flattest triangles until the surface turns away (Sander et al. 2003). `texels`: wanted size of
+/// a texel by vertex, meters; the texels of a chart have the lower quartile of its vertices. `max_size`: texels per
+/// side.
+[[nodiscard]] std::vector<Chart> make_charts(const Mesh& mesh, std::span<const float> texels, int max_size);
 
 /// Charts packed in a texture.
 struct TextureAtlas {

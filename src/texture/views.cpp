@@ -4,7 +4,6 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -13,10 +12,10 @@
 
 #include "spirv/texture_blend.comp.h"
 #include "spirv/texture_blur.comp.h"
+#include "spirv/texture_expose.comp.h"
 #include "spirv/texture_prepare.comp.h"
-#include "spirv/texture_sample.comp.h"
+#include "spirv/texture_reference.comp.h"
 #include "spirv/texture_select.comp.h"
-#include "texture/color_registration.hpp"
 
 namespace cairn {
 namespace {
@@ -24,12 +23,11 @@ namespace {
 constexpr float kDepthTolerance = 0.02f;   // meters in addition to the noise, maximum distance between the surface and
                                            // a keyframe's depth
 constexpr std::size_t kBatchTiles = 4096;  // colored per dispatch
-constexpr int kGridX = 12, kGridY = 9;     // sample points per keyframe for exposure comparison
-constexpr std::size_t kMinCommonPoints = 8;  // minimum number of common points of two keyframes
-constexpr double kPriorWeight = 0.02;  // weight of the prior that pulls gains to 1, relative to the mean weight of
-                                       // pairs
-constexpr double kMaxGain = 1.0;       // limit of the logarithm
-constexpr int kMinColor = 12;          // of 255; darker colors carry no information about exposure
+constexpr double kMinColor = 12, kMaxColor = 250;  // of 255; others carry no information about exposure
+constexpr double kMaxGain = 1.0;                   // limit of the logarithm
+constexpr double kPriorShare = 0.5;  // weight of the image's mean gain in a cell, relative to all pixels of the cell
+
+constexpr std::size_t kGainCells = std::size_t{shader::kGainColumns} * shader::kGainRows;
 
 std::uint32_t pixels_of(const Camera& c) { return static_cast<std::uint32_t>(c.width * c.height); }
 
@@ -41,22 +39,6 @@ std::uint64_t morton(const Eigen::Vector3f& p) {
     for (int bit = 0; bit < 21; ++bit) code |= (v >> bit & 1) << (3 * bit + axis);
   }
   return code;
-}
-
-/// `differences`: logarithms of the ratio of the colors of `a` and `b`, by channel. Returns no value if there are too
-/// few.
-std::optional<ExposurePair> exposure_pair(std::size_t a, std::size_t b,
-                                          std::array<std::vector<double>, 3>& differences) {
-  ExposurePair pair{.a = a, .b = b};
-  for (std::size_t c = 0; c < 3; ++c) {
-    auto& d = differences[c];
-    if (d.size() < kMinCommonPoints) return std::nullopt;
-    const auto middle = d.begin() + static_cast<std::ptrdiff_t>(d.size() / 2);
-    std::nth_element(d.begin(), middle, d.end());
-    pair.logarithms[static_cast<int>(c)] = *middle;
-    pair.count = static_cast<int>(d.size());
-  }
-  return pair;
 }
 
 }  // namespace
@@ -71,16 +53,17 @@ TextureViews::TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions&
       camera_(preprocessor_.camera()),
       raycaster_(device_, camera_, options, 2, 1),
       keyframes_(std::move(keyframes)),
-      gains_(keyframes_.size(), Eigen::Vector3f::Ones()),
       get_image_(std::move(get_image)),
       capacity_(std::max<std::size_t>(16, memory / (pixels_of(camera_) * 8 + pixels_of(camera_) / 4))),
       slot_(keyframes_.size(), -1),
       prepare_(device_, "texture_prepare", texture_prepare_comp, shader::constants_of(rig.sensor)),
       blur_(device_, "texture_blur", texture_blur_comp),
+      reference_(device_, "texture_reference", texture_reference_comp, shader::constants_of(rig.sensor)),
+      expose_(device_, "texture_expose", texture_expose_comp),
       select_(device_, "texture_select", texture_select_comp, shader::constants_of(rig.sensor)),
       blend_(device_, "texture_blend", texture_blend_comp, shader::constants_of(rig.sensor)),
-      sample_(device_, "texture_sample", texture_sample_comp, shader::constants_of(rig.sensor)),
-      sample_view_(device_, sizeof(shader::TextureView)) {
+      map_colors_(device_, pixels_of(camera_) / 4),
+      gains_(device_, kGainCells * sizeof(shader::vec3)) {
   const Eigen::Isometry3d depth_from_color = rig.depth_from_color();
   for (TextureKeyframe& k : keyframes_) {  // poses and velocities become those of the color camera
     k.world_from_camera = k.world_from_camera * depth_from_color;
@@ -134,8 +117,37 @@ void TextureViews::load_images(std::span<const std::size_t> keyframes) {
       prepare_(batch, {pixels_of(camera_), 1, 1}, push, {surface.fusion, &model.levels[1]->points, &image.pixels});
       blur_(batch, {pixels_of(camera_) / 16, 1, 1}, push, {&image.pixels, &image.blurred});
       batch.submit();
+      if (image.has_color) equalize(image, pose, model.levels[1]->points);
     }
   }
+}
+
+void TextureViews::equalize(OnDevice& image, const Eigen::Isometry3d& pose, const gpu::Buffer& model) {
+  const shader::Pinhole camera = shader::pinhole(camera_);
+  const std::uint32_t columns = camera.width / 4, rows = camera.height / 4;
+  std::vector<std::uint32_t> colors(std::size_t{columns} * rows), map(colors.size());
+  gpu::Batch compare(device_);
+  reference_(compare, {columns * rows, 1, 1},
+             {.volume = volume_.view(), .camera = camera, .world_from_camera = shader::rigid(pose)}, volume_,
+             {&volume_.page_table(), &image.pixels, &model, &map_colors_});
+  compare.download(image.blurred, colors);
+  compare.download(map_colors_, map);
+  compare.run();
+  const std::vector<shader::vec3> gains = exposure_gains(colors, map, columns);
+  gpu::Batch batch(device_);
+  batch.upload(gains_, gains);
+  expose_(batch, {pixels_of(camera_), 1, 1}, {.width = camera.width, .height = camera.height, .words = 2},
+          {&gains_, &image.pixels});
+  expose_(batch, {columns * rows, 1, 1}, {.width = columns, .height = rows, .words = 1}, {&gains_, &image.blurred});
+  batch.run();
+}
+
+bool TextureViews::has_color() {
+  for (std::size_t k = 0; k < keyframes_.size(); ++k) {
+    load_images(std::array{k});
+    if (on_device(k).has_color) return true;
+  }
+  return false;
 }
 
 void TextureViews::discard_images() {
@@ -150,7 +162,6 @@ shader::TextureView TextureViews::view_of(std::size_t keyframe) const {
           .velocity = Eigen::Vector3f(k.velocity.tail<3>().cast<float>()),
           .turn_rate = Eigen::Vector3f(k.velocity.head<3>().cast<float>()),
           .delay = static_cast<float>(k.color_delay),
-          .gain = gains_[keyframe],
           .pixels = shader::address(image.pixels),
           .blurred = shader::address(image.blurred)};
 }
@@ -165,185 +176,43 @@ bool TextureViews::may_see(std::size_t keyframe, const Eigen::Vector3f& point, c
          at.y() < camera_.height + kImageMargin;
 }
 
-float TextureViews::texel_size(const Mesh& mesh) const {
-  constexpr std::size_t kSamples = 2000;
-  std::vector<float> sizes;
-  const std::size_t step = std::max<std::size_t>(1, mesh.positions.size() / kSamples);
-  for (std::size_t v = 0; v < mesh.positions.size(); v += step) {
-    float best = std::numeric_limits<float>::max();
+std::vector<float> TextureViews::texel_sizes(const Mesh& mesh) const {
+  std::vector<float> sizes(mesh.positions.size(), std::numeric_limits<float>::infinity());
+  tbb::parallel_for(std::size_t{0}, sizes.size(), [&](std::size_t v) {
     for (std::size_t k = 0; k < keyframes_.size(); ++k)
       if (may_see(k, mesh.positions[v], mesh.normals[v]))
-        best = std::min(best, (camera_from_world_[k] * mesh.positions[v]).z() / static_cast<float>(camera_.fx));
-    if (best < std::numeric_limits<float>::max()) sizes.push_back(best);
-  }
-  if (sizes.empty()) return 0;
-  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
-  return sizes[sizes.size() / 2];
+        sizes[v] = std::min(sizes[v], (camera_from_world_[k] * mesh.positions[v]).z() / static_cast<float>(camera_.fx));
+  });
+  return sizes;
 }
 
-/// Measured points of a keyframe on a grid of its image, with normals towards the camera.
-std::vector<shader::Texel> TextureViews::points_of(std::size_t keyframe, int columns, int rows) {
-  std::vector<shader::uvec2> pixels(pixels_of(camera_));
-  gpu::Batch batch(device_);
-  batch.download(on_device(keyframe).pixels, pixels);
-  batch.run();
-  std::vector<shader::Texel> points;
-  const Eigen::Isometry3d& pose = keyframes_[keyframe].world_from_camera;
-  for (int gy = 0; gy < rows; ++gy)
-    for (int gx = 0; gx < columns; ++gx) {
-      const int x = (2 * gx + 1) * camera_.width / (2 * columns), y = (2 * gy + 1) * camera_.height / (2 * rows);
-      const auto z = std::bit_cast<Eigen::half>(
-          static_cast<std::uint16_t>(pixels[static_cast<std::size_t>(y * camera_.width + x)].x));
-      if (z == Eigen::half(0)) continue;
-      const Eigen::Vector3d p = pose * (static_cast<double>(static_cast<float>(z)) * camera_.ray(x, y));
-      points.push_back({Eigen::Vector3f(p.cast<float>()),
-                        shader::pack_normal((pose.translation() - p).normalized().cast<float>()), 0});
-    }
-  return points;
-}
-
-std::vector<std::uint32_t> TextureViews::sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
-                                                const shader::ColorCamera& color, bool sharp) {
-  std::vector<std::uint32_t> colors(points.size());
-  if (points.empty()) return colors;
-  if (!sample_points_ || sample_points_.size() < points.size() * sizeof(shader::Texel)) {
-    sample_points_ = gpu::Buffer(device_, 2 * points.size() * sizeof(shader::Texel));
-    sample_colors_ = gpu::Buffer(device_, 2 * points.size() * 4);
-  }
-  const auto count = static_cast<std::uint32_t>(points.size());
-  const shader::TextureView view = view_of(keyframe);
-  gpu::Batch batch(device_);
-  batch.upload(sample_view_, std::span(&view, 1));
-  batch.upload(sample_points_, points);
-  sample_(batch, {count, 1, 1},
-          {.camera = shader::pinhole(camera_),
-           .color = color,
-           .points = count,
-           .tolerance = kDepthTolerance,
-           .sharp = sharp},
-          {&sample_points_, &sample_view_, &sample_colors_});
-  batch.download(sample_colors_, colors);
-  batch.run();
-  return colors;
-}
-
-void TextureViews::register_color() {
-  constexpr std::size_t kGroups = 8, kGroupSize = 5;  // groups of consecutive keyframes, spread over the trajectory
-  constexpr int kColumns = 24, kRows = 18;            // sample points per keyframe
-  std::vector<std::size_t> chosen;
-  const std::size_t group = std::max(keyframes_.size() / kGroups, kGroupSize);
-  for (std::size_t k = 0; k < keyframes_.size() && chosen.size() < capacity_; ++k) {
-    if (k % group >= kGroupSize) continue;
-    load_images(std::array{k});
-    if (on_device(k).has_color) chosen.push_back(k);
-  }
-  // Points of the chosen keyframes, with all keyframes in which each may be visible.
-  std::vector<shader::Texel> points;
-  for (const std::size_t k : chosen)
-    for (const shader::Texel& p : points_of(k, kColumns, kRows)) points.push_back(p);
-  ColorObservations observations{.points = points.size(), .point = {}, .brightness = {}};
-  std::vector<std::pair<std::size_t, std::vector<shader::Texel>>> sampled;  // by keyframe, in the order of the
-                                                                            // observations
-  for (const std::size_t k : chosen) {
-    auto& list = sampled.emplace_back(k, std::vector<shader::Texel>{}).second;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      if (!may_see(k, points[i].position, shader::unpack_normal(points[i].normal))) continue;
-      observations.point.push_back(i);
-      list.push_back(points[i]);
-    }
-  }
-  observations.brightness = [&](const shader::ColorCamera& color, bool sharp) {
-    std::vector<float> brightness;
-    brightness.reserve(observations.point.size());
-    for (const auto& [k, list] : sampled)
-      for (const std::uint32_t word : sample(k, list, color, sharp))
-        brightness.push_back(
-            word == 0 ? -1.0f : static_cast<float>((word & 255) + (word >> 8 & 255) + (word >> 16 & 255)) / 765);
-    return brightness;
+std::vector<shader::vec3> exposure_gains(const std::vector<std::uint32_t>& colors,
+                                         const std::vector<std::uint32_t>& map, std::size_t columns) {
+  struct Sum {
+    Eigen::Array3d logarithms = Eigen::Array3d::Zero(), count = Eigen::Array3d::Zero();
   };
-  if (const auto camera = register_color_camera(observations)) color_ = *camera;
-}
-
-std::vector<ExposurePair> TextureViews::compare_exposures(std::size_t keyframe, const SeenPoints& earlier) {
-  // Samples only points possibly in view.
-  SeenPoints nearby;
-  for (std::size_t i = 0; i < earlier.points.size(); ++i) {
-    const std::size_t other = earlier.keyframe[i];
-    const Eigen::Vector3f p = earlier.points[i].position;
-    if (!may_see(keyframe, p, (keyframes_[other].world_from_camera.translation().cast<float>() - p).normalized()))
-      continue;
-    nearby.points.push_back(earlier.points[i]);
-    nearby.keyframe.push_back(other);
-  }
-  const std::vector<std::uint32_t> colors = sample(keyframe, nearby.points, color_, false);
-  std::vector<ExposurePair> pairs;
-  std::array<std::vector<double>, 3> differences;
-  for (std::size_t i = 0; i < nearby.points.size();) {
-    const std::size_t other = nearby.keyframe[i];
-    for (auto& d : differences) d.clear();
-    for (; i < nearby.points.size() && nearby.keyframe[i] == other; ++i) {
-      if (colors[i] == 0) continue;
-      for (std::uint32_t c = 0; c < 3; ++c) {
-        const auto a = static_cast<int>(nearby.points[i].color >> (8 * c) & 255),
-                   b = static_cast<int>(colors[i] >> (8 * c) & 255);
-        if (std::min(a, b) >= kMinColor && std::max(a, b) < 250)
-          differences[c].push_back(std::log(static_cast<double>(a) / b));
-      }
+  const std::size_t rows = colors.size() / columns;
+  std::vector<Sum> cells(kGainCells);
+  Sum all;
+  for (std::size_t i = 0; i < colors.size(); ++i) {
+    if (map[i] >> 24 == 0) continue;
+    const std::size_t x = i % columns * shader::kGainColumns / columns, y = i / columns * shader::kGainRows / rows;
+    Sum& cell = cells[y * shader::kGainColumns + x];
+    for (int c = 0; c < 3; ++c) {
+      const double from = colors[i] >> (8 * c) & 255, to = map[i] >> (8 * c) & 255;
+      if (std::min(from, to) < kMinColor || std::max(from, to) > kMaxColor) continue;
+      const double logarithm = std::clamp(std::log(to / from), -kMaxGain, kMaxGain);
+      cell.logarithms[c] += logarithm, ++cell.count[c];
+      all.logarithms[c] += logarithm, ++all.count[c];
     }
-    if (const auto pair = exposure_pair(other, keyframe, differences)) pairs.push_back(*pair);
   }
-  return pairs;
-}
-
-bool TextureViews::compensate_exposure(const std::function<void()>& step) {
-  SeenPoints points;  // points of all keyframes so far
-  std::vector<ExposurePair> pairs;
-  bool any_color = false;
-  for (std::size_t k = 0; k < keyframes_.size(); ++k) {
-    load_images(std::array{k});
-    if (on_device(k).has_color) {
-      any_color = true;
-      for (const ExposurePair& pair : compare_exposures(k, points)) pairs.push_back(pair);
-      // Adds the keyframe's own points with low-frequency colors, like those sampled from other keyframes.
-      std::vector<shader::Texel> own = points_of(k, kGridX, kGridY);
-      const std::vector<std::uint32_t> own_colors = sample(k, own, color_, false);
-      for (std::size_t i = 0; i < own.size(); ++i) {
-        if (own_colors[i] == 0) continue;
-        own[i].color = own_colors[i];
-        points.points.push_back(own[i]);
-        points.keyframe.push_back(k);
-      }
-    }
-    if (step) step();
+  const Eigen::Array3d mean = all.logarithms / all.count.max(1);
+  const double prior = kPriorShare * static_cast<double>(colors.size()) / static_cast<double>(kGainCells);
+  std::vector<shader::vec3> gains;
+  for (const Sum& cell : cells) {
+    const Eigen::Array3d logarithm = (cell.logarithms + prior * mean) / (cell.count + prior);
+    gains.emplace_back(Eigen::Vector3f(logarithm.exp().cast<float>()));
   }
-  gains_ = exposure_gains(keyframes_.size(), pairs);
-  return any_color;
-}
-
-std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs) {
-  std::vector<Eigen::Vector3f> gains(keyframes, Eigen::Vector3f::Ones());
-  if (pairs.empty()) return gains;
-  // For each channel, minimizes the sum over pairs of count (log gain_a - log gain_b + log a / b)^2.
-  const auto n = static_cast<int>(keyframes);
-  double mean = 0;
-  for (const ExposurePair& pair : pairs) mean += 2.0 * pair.count / static_cast<double>(keyframes);
-  std::vector<Eigen::Triplet<double>> entries;
-  Eigen::MatrixX3d right = Eigen::MatrixX3d::Zero(n, 3);
-  for (const ExposurePair& pair : pairs) {
-    const auto a = static_cast<int>(pair.a), b = static_cast<int>(pair.b);
-    const double w = pair.count;
-    entries.insert(entries.end(), {{a, a, w}, {b, b, w}, {a, b, -w}, {b, a, -w}});
-    right.row(a) -= w * pair.logarithms.transpose();
-    right.row(b) += w * pair.logarithms.transpose();
-  }
-  for (int k = 0; k < n; ++k) entries.emplace_back(k, k, kPriorWeight * mean);
-  Eigen::SparseMatrix<double> matrix(n, n);
-  matrix.setFromTriplets(entries.begin(), entries.end());
-  const Eigen::MatrixX3d logarithms = Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(matrix).solve(right);
-  for (int k = 0; k < n; ++k)
-    for (int c = 0; c < 3; ++c)
-      gains[static_cast<std::size_t>(k)][c] =
-          static_cast<float>(std::exp(std::clamp(logarithms(k, c), -kMaxGain, kMaxGain)));
   return gains;
 }
 
@@ -411,7 +280,6 @@ void TextureViews::blend_tiles(const TextureAtlas& atlas, std::span<const Tile> 
   const auto count = static_cast<std::uint32_t>(tiles.size());
   const shader::TextureBlendPush push{.camera = shader::pinhole(camera_),
                                       .tiles = count,
-                                      .color = color_,
                                       .views = static_cast<std::uint32_t>(views.size()),
                                       .tolerance = kDepthTolerance};
   gpu::Batch batch(device_);

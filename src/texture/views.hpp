@@ -12,6 +12,7 @@
 #include "texture/charts.hpp"
 #include "texture/voxel_colors.hpp"
 #include "volume/raycast.hpp"
+#include "volume/voxel_kernel.hpp"
 
 namespace cairn {
 
@@ -23,14 +24,6 @@ struct TextureKeyframe {
   double color_delay = 0;                                               // seconds from the depth to the color image
 };
 
-/// Color difference of two keyframes: logarithm of the ratio of the colors of `a` and `b`, median over `count` common
-/// points.
-struct ExposurePair {
-  std::size_t a = 0, b = 0;
-  Eigen::Vector3d logarithms = Eigen::Vector3d::Zero();
-  int count = 0;
-};
-
 /// Colors surfaces from keyframes. Images are loaded to the device on demand; the least recently used are replaced.
 class TextureViews {
  public:
@@ -40,16 +33,8 @@ class TextureViews {
   TextureViews(Volume& volume, const Rig& rig, const SurfaceOptions& options, std::vector<TextureKeyframe> keyframes,
                GetImage get_image, std::uint64_t memory);
 
-  /// Estimates exposure gains from points visible in several keyframes; blend() then adjusts all keyframes to their
-  /// mean. `step` is called after each keyframe. Returns true if any keyframe has color.
-  bool compensate_exposure(const std::function<void()>& step = {});
-  /// Estimates the pose and focal length of the color camera relative to the depth camera from points visible in
-  /// several keyframes (register_color_camera()), for color that is not well registered to depth. Call
-  /// compensate_exposure() first.
-  void register_color();
-  [[nodiscard]] const shader::ColorCamera& color_camera() const { return color_; }
-  /// Color gain of each keyframe, by channel.
-  [[nodiscard]] const std::vector<Eigen::Vector3f>& gains() const { return gains_; }
+  /// True if any keyframe has color.
+  [[nodiscard]] bool has_color();
 
   /// Colors the texture of the atlas. Returns the number of points visible in a keyframe; all other points get the
   /// color of `unseen`, if given, else of the mesh's vertices. `step` is called after each batch with its share of the
@@ -60,8 +45,8 @@ class TextureViews {
   /// Discards the images on the device, since the volume now holds another part of the map.
   void discard_images();
 
-  /// Texel size at which no detail of the keyframes is lost: meters, median over the points.
-  [[nodiscard]] float texel_size(const Mesh& mesh) const;
+  /// Texel size by vertex at which no detail of the keyframes is lost, meters; infinite for unseen vertices.
+  [[nodiscard]] std::vector<float> texel_sizes(const Mesh& mesh) const;
 
   [[nodiscard]] std::size_t size() const { return keyframes_.size(); }
 
@@ -72,19 +57,12 @@ class TextureViews {
     bool has_color = false;
     gpu::Buffer pixels, blurred;
   };
-  struct SeenPoints {  // with their colors in the keyframe of origin
-    std::vector<shader::Texel> points;
-    std::vector<std::size_t> keyframe;  // keyframe of each point, ascending
-  };
   struct Tile;  // of the atlas
   struct BlendBuffers;
   void load_images(std::span<const std::size_t> keyframes);
   [[nodiscard]] const OnDevice& on_device(std::size_t keyframe) const;
-  [[nodiscard]] std::vector<shader::Texel> points_of(std::size_t keyframe, int columns, int rows);
-  /// Colors of points in a keyframe on the device, `sharp` or low frequencies only: bytes R, G, B, 255; 0: not visible.
-  [[nodiscard]] std::vector<std::uint32_t> sample(std::size_t keyframe, const std::vector<shader::Texel>& points,
-                                                  const shader::ColorCamera& color, bool sharp);
-  [[nodiscard]] std::vector<ExposurePair> compare_exposures(std::size_t keyframe, const SeenPoints& earlier);
+  /// Adapts the exposure of a view to the colors of the map. `model`: its depth in this view, at half the size.
+  void equalize(OnDevice& image, const Eigen::Isometry3d& pose, const gpu::Buffer& model);
   [[nodiscard]] static std::vector<Tile> in_morton_order(const TextureAtlas& atlas);
   /// Keyframes with the most visible tiles, at most as many as the device holds.
   [[nodiscard]] std::vector<std::size_t> keyframes_that_see(std::span<const Tile> tiles) const;
@@ -102,20 +80,23 @@ class TextureViews {
   Raycaster raycaster_;
   std::vector<TextureKeyframe> keyframes_;
   std::vector<Eigen::Isometry3f> camera_from_world_;
-  std::vector<Eigen::Vector3f> gains_;
-  shader::ColorCamera color_{{0, 0, 0}, {0, 0, 0}, 1};
   GetImage get_image_;
   std::size_t capacity_;
   std::uint64_t use_ = 0;
   std::vector<std::unique_ptr<OnDevice>> images_;
   std::vector<int> slot_;  // by keyframe: index in images_, or -1
   gpu::Kernel<shader::TexturePreparePush> prepare_, blur_;
+  VoxelKernel<shader::TextureReferencePush> reference_;
+  gpu::Kernel<shader::TextureExposePush> expose_;
   gpu::Kernel<shader::TextureBlendPush> select_, blend_;
-  gpu::Kernel<shader::TextureSamplePush> sample_;
-  gpu::Buffer sample_view_, sample_points_, sample_colors_;  // grow on demand
+  gpu::Buffer map_colors_, gains_;
 };
 
-/// Least-squares gains that equalize pairs of keyframes, with a weak prior at 1 (similar to Brown & Lowe 2007).
-[[nodiscard]] std::vector<Eigen::Vector3f> exposure_gains(std::size_t keyframes, std::span<const ExposurePair> pairs);
+/// Gains that adapt the exposure and white balance of an image to the colors of the map: one per cell of the image, row
+/// by row, and channel. The map holds the mean of all frames, so that views of different exposure agree, and the
+/// texture has the exposure of its surroundings. `colors`, `map`: images of low frequencies, bytes R, G, B; alpha 0 in
+/// `map`: unknown. A cell without comparable pixels has the mean gain of the image.
+[[nodiscard]] std::vector<shader::vec3> exposure_gains(const std::vector<std::uint32_t>& colors,
+                                                       const std::vector<std::uint32_t>& map, std::size_t columns);
 
 }  // namespace cairn

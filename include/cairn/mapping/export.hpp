@@ -17,13 +17,6 @@ namespace cairn {
 /// format of `file`.
 void check(const ExportOptions& options, const std::filesystem::path& file);
 
-/// Estimated offset of the color camera from the depth camera.
-struct ColorCameraOffset {
-  Eigen::Vector3f rotation = Eigen::Vector3f::Zero();     ///< rotation vector, radians
-  Eigen::Vector3f translation = Eigen::Vector3f::Zero();  ///< meters
-  float focal_scale = 1;                                  ///< relative to the camera's focal length
-};
-
 /// Statistics of an export.
 struct ExportReport {
   std::size_t full_triangles = 0;  ///< triangles of the map before cleaning and simplification
@@ -32,11 +25,10 @@ struct ExportReport {
   float error = 0;                           ///< meters; largest surface deviation reported by simplification
   std::vector<std::filesystem::path> files;  ///< written files, the requested one first
   int parts = 0, textures = 0, charts = 0, tiles = 0;
-  float texel = 0;  ///< meters; coarsest texel
+  float texel = 0;  ///< meters; median texel, of the coarsest texture
   std::size_t texels = 0;
   double textured_share = 0;  ///< fraction of texels seen by a keyframe; the rest have voxel colors
   int keyframes = 0;
-  ColorCameraOffset color_camera;
   std::map<std::string, double> stage_ms;  ///< mesh, clean, simplify, charts, exposure, texture, write
 };
 

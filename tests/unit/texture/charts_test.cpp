@@ -23,9 +23,13 @@ Mesh spiral() {
   });
 }
 
+std::vector<Chart> charts_of(const Mesh& mesh, int max_size) {
+  return make_charts(mesh, std::vector(mesh.positions.size(), kTexel), max_size);
+}
+
 /// Expects each triangle in one chart, and no texel in two triangles.
 void expect_sound(const Mesh& mesh) {
-  const std::vector<Chart> charts = make_charts(mesh, kTexel, 512);
+  const std::vector<Chart> charts = charts_of(mesh, 512);
   std::vector<int> used(mesh.triangles.size(), 0);
   for (const Chart& chart : charts)
     for (const std::uint32_t t : chart.triangles) ++used[t];
@@ -82,12 +86,27 @@ TEST(Charts, OfASphereCoverItOnce) { expect_sound(sphere_mesh(4)); }
 TEST(Charts, OfAPlaneCoverItOnce) { expect_sound(flat_grid(40, 30, 0.02f)); }
 TEST(Charts, OfASpiralStairDoNotCoverEachOther) { expect_sound(spiral()); }
 
-TEST(Charts, OfAPlaneAreOne) { EXPECT_EQ(make_charts(flat_grid(40, 30, 0.02f), kTexel, 512).size(), 1u); }
+TEST(Charts, HaveTheResolutionOfTheirViews) {
+  // Two planes face away from each other: one seen from 1 m, the other from 4 m.
+  Mesh mesh = flat_grid(20, 20, 0.02f);
+  std::vector<float> texels(mesh.positions.size(), 0.002f);
+  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+  const Mesh far = flat_grid(20, 20, 0.02f);
+  for (const Eigen::Vector3f& p : far.positions) mesh.positions.emplace_back(p - Eigen::Vector3f(0, 0, 1));
+  for (const auto& [a, b, c] : far.triangles) mesh.triangles.push_back({first + a, first + c, first + b});
+  texels.resize(mesh.positions.size(), 0.008f);
+  const std::vector<Chart> charts = make_charts(mesh, texels, 512);
+  ASSERT_EQ(charts.size(), 2u);
+  const auto width = [&](std::size_t i) { return (charts[i].high - charts[i].low).maxCoeff(); };
+  EXPECT_NEAR(std::max(width(0), width(1)) / std::min(width(0), width(1)), 4, 0.1);
+}
+
+TEST(Charts, OfAPlaneAreOne) { EXPECT_EQ(charts_of(flat_grid(40, 30, 0.02f), 512).size(), 1u); }
 
 TEST(Charts, ThatAreTooLargeAreCut) {
   const Mesh mesh = flat_grid(100, 20, 0.1f);  // 1000 texels long
-  EXPECT_FALSE(pack(mesh, make_charts(mesh, kTexel, 2048), 256));
-  const auto charts = make_charts(mesh, kTexel, 600);
+  EXPECT_FALSE(pack(mesh, charts_of(mesh, 2048), 256));
+  const auto charts = charts_of(mesh, 600);
   EXPECT_EQ(charts.size(), 2u);
   EXPECT_TRUE(pack(mesh, charts, 600));
 }
@@ -96,7 +115,7 @@ TEST(Charts, AreAlignedWithTheirLongerSide) {
   // Rotated by 30 degrees, the rectangle still fills its area.
   const Mesh mesh = grid_mesh(
       40, 20, 0.02f, [](float x, float y) { return Eigen::Vector3f(0.866f * x - 0.5f * y, 0.5f * x + 0.866f * y, 1); });
-  const auto atlas = pack(mesh, make_charts(mesh, kTexel, 512), 512);
+  const auto atlas = pack(mesh, charts_of(mesh, 512), 512);
   ASSERT_TRUE(atlas);
   std::size_t points = 0;
   for (const TextureAtlas::Tile& tile : atlas->tiles)
