@@ -91,7 +91,7 @@ struct RenderedView {
 
 /// Agreement of rendered views of a mesh with the images of a recording.
 struct ViewError {
-  double psnr = 0;     ///< dB over all compared pixels and channels
+  double psnr = 0;  ///< dB over all compared pixels and channels
   /// dB after a gain per image and channel, since a map has a single exposure and the images have their own.
   double psnr_with_gain = 0;
   double covered = 0;  ///< fraction of depth pixels with the mesh within 5 cm; only these are compared
