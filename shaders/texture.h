@@ -41,6 +41,7 @@ struct TextureReferencePush {
   VolumeView volume;
   Pinhole camera;
   Rigid world_from_camera;
+  float tolerance;  // as in TextureBlendPush
 };
 
 struct TextureExposePush {

@@ -14,8 +14,6 @@ layout(binding = 2, scalar) readonly buffer Model { uvec2 model[]; };  // as in 
 layout(binding = 3, scalar) writeonly buffer Reference { uint reference[]; };  // R, G, B; alpha 0: no color
 POOL(4);
 
-const float kTolerance = 0.02;  // meters in addition to the noise
-
 void main() {
   uvec2 size = uvec2(push.camera.width >> 2, push.camera.height >> 2);
   uint i = thread_index();
@@ -32,7 +30,7 @@ void main() {
     float measured = unpackHalf2x16(pixels[uint(p.y) * camera.width + uint(p.x)].x).x;
     uvec2 h = min(uvec2(p) >> 1, half_size - 1u);
     float z = uintBitsToFloat(model[h.y * half_size.x + h.x].x);
-    if (z == 0.0 || abs(measured - z) > kTolerance + 3.0 * depth_noise(z)) continue;
+    if (z == 0.0 || abs(measured - z) > push.tolerance + 3.0 * depth_noise(z)) continue;
     vec3 at = rotate(world_from_camera, z * ray_through(camera, vec2(p))) + world_from_camera.t;
     ivec3 voxel = ivec3(floor(at / volume.voxel_size + 0.5)), brick = voxel >> 3;
     if (!in_window(volume, brick)) continue;

@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
+#include "base/median.hpp"
 #include "bundle/bicubic.hpp"
 #include "geometry/student_t.hpp"
 
@@ -75,15 +77,9 @@ double cost_of_gap(double e) {
 }
 double cost_of_brightness(double e) { return (kDegreesOfFreedom + 1) * std::log(1 + e * e / kDegreesOfFreedom); }
 
-double median_of(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Standard deviation by the median of magnitudes.
-double scale_of(std::vector<double>& magnitudes, double min_scale) {
-  return magnitudes.empty() ? min_scale : std::max(min_scale, 1.4826 * median_of(magnitudes));
+double scale_of(std::vector<double> magnitudes, double min_scale) {
+  return std::max(min_scale, 1.4826 * median(std::move(magnitudes)));
 }
 
 }  // namespace
@@ -440,8 +436,8 @@ void Bundle::measure_scales() {
     all.gaps.insert(all.gaps.end(), part.gaps.begin(), part.gaps.end());
     all.differences.insert(all.differences.end(), part.differences.begin(), part.differences.end());
   }
-  gap_sigma_ = scale_of(all.gaps, kMinGapSigma);
-  brightness_sigma_ = scale_of(all.differences, kMinBrightnessSigma);
+  gap_sigma_ = scale_of(std::move(all.gaps), kMinGapSigma);
+  brightness_sigma_ = scale_of(std::move(all.differences), kMinBrightnessSigma);
 }
 
 Vector6d Bundle::error_of(const PoseGraph::Edge& edge) const {

@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "base/median.hpp"
+
 namespace cairn {
 namespace {
 
@@ -41,12 +43,6 @@ std::vector<Both> matched(const Trajectory& tracked, const Trajectory& device) {
       all.push_back(both);
     }
   return all;
-}
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Difference of two relative motions, with the limits due to drift.
@@ -90,9 +86,9 @@ PoseAgreement compare_poses(const Trajectory& tracked, const Trajectory& device,
   agreement.turn = total.turn, agreement.allowed_turn = total.allowed_turn;
   agreement.scaled_windows = static_cast<int>(ratios.size());
   if (!ratios.empty()) {
-    agreement.scale = median_of(ratios);
+    agreement.scale = median(ratios);
     for (double& ratio : ratios) ratio = std::abs(ratio - agreement.scale);
-    agreement.scale_spread = median_of(std::move(ratios));
+    agreement.scale_spread = median(std::move(ratios));
   }
   return agreement;
 }

@@ -31,14 +31,12 @@ double cost_of(const ExportRun& run) {
   const bool has_points = options.point_spacing > 0;
   double per_brick = ProgressCost::kMesh + ProgressCost::kClean + ProgressCost::kWrite;
   if (run.simplifies() && !has_points) per_brick += ProgressCost::kSimplify;
-  double keyframes = 0;
   if (options.texture.enabled) {
     // Each level of detail has a texture, with about a quarter of the cost of the level before.
     const double levels = is_tileset(run.file) || options.levels > 1 ? 1 / (1 - static_cast<double>(kLevelRatio)) : 1;
-    per_brick += levels * (run.cost.charts + ProgressCost::kTexture);
-    keyframes = ProgressCost::kKeyframe * static_cast<double>(run.input.keyframes.size());
+    per_brick += levels * (run.cost.charts + run.cost.texture);
   }
-  return per_brick * static_cast<double>(run.input.bricks.size()) + keyframes +
+  return per_brick * static_cast<double>(run.input.bricks.size()) +
          (has_points ? ProgressCost::kPoint * run.expected_points() : 0);
 }
 
@@ -55,6 +53,8 @@ ExportReport export_surface(const ExportInput& input, const fs::path& file, cons
                 .progress = progress,
                 .cells = Cells(input.bricks, input.volume.brick_size(), is_tileset(file), options, input.block)};
   run.cost.charts = ProgressCost::kChartsBase + ProgressCost::kChartsFull * remaining_ratio(run);
+  run.cost.texture +=
+      ProgressCost::kKeyframe * static_cast<double>(input.keyframes.size()) / static_cast<double>(input.bricks.size());
   run.cost.total = cost_of(run);
   run.triangles_left = options.simplify.triangles;
   run.bricks_left = static_cast<double>(input.bricks.size());

@@ -36,7 +36,7 @@ struct ProgressCost {
   static constexpr double kChartsFull = 0.46, kChartsBase = 0.04;  // by the ratio of triangles left
   static constexpr double kPoint = 0.0035;
   static constexpr double kKeyframe = 60;
-  double charts = kChartsFull + kChartsBase;  // per brick
+  double charts = kChartsFull + kChartsBase, texture = kTexture;  // per brick, the latter with its share of keyframes
   double done = 0, total = 1;
   /// Out of kSteps, which is reached when all is written.
   [[nodiscard]] int share() const { return static_cast<int>((kSteps - 1) * std::clamp(done / total, 0.0, 1.0)); }

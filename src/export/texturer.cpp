@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/median.hpp"
 #include "base/no_texture.hpp"
 
 namespace cairn {
@@ -17,7 +18,7 @@ namespace {
 
 constexpr std::uint64_t kViewMemory = std::uint64_t{160} << 20;  // bytes of keyframes on the device, 64 of 640x480
 constexpr float kTypicalCoverage = 0.75f;                        // typical fraction of a texture covered by charts
-constexpr float kUnseenTexel = 0.5f;                             // voxels; largest texel, of surface without a view
+constexpr float kMaxTexel = 0.5f;                                // voxels; of distant surface, and without a view
 constexpr int kMaxTries = 40;                                    // each with coarser charts
 
 std::vector<TextureKeyframe> keyframes_of(const ExportRun& run) {
@@ -40,12 +41,6 @@ double texels_of(const Mesh& mesh, const std::vector<float>& sizes) {
   return texels;
 }
 
-float median(std::vector<float> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 void scale(std::vector<float>& values, float factor) {
   for (float& value : values) value *= factor;
 }
@@ -56,20 +51,20 @@ Texturer::Texturer(ExportRun& run)
     : run_(run),
       views_(run.input.volume, run.input.rig, run.input.surface, keyframes_of(run), run.input.get_image, kViewMemory) {
   run.exported.keyframes = static_cast<int>(views_.size());
-  const bool has_color = run.timed("exposure", [&] { return views_.has_color(); });
-  if (!has_color)
+  if (!views_.has_color())
     throw NoTexture(run.file.string() +
                     ": is not written: the keyframes have no color for a texture: export without "
                     "TextureOptions::enabled");
-  run.step(ProgressCost::kKeyframe * static_cast<double>(views_.size()), "meshing");
 }
 
 std::vector<float> Texturer::texel_sizes(const Mesh& mesh, int level) const {
   const TextureOptions& options = run_.options.texture;
   const float voxel_size = run_.input.volume.options().voxel_size;
-  std::vector<float> sizes =
-      options.texel > 0 ? std::vector(mesh.positions.size(), options.texel) : views_.texel_sizes(mesh);
-  for (float& size : sizes) size = std::min(size, kUnseenTexel * voxel_size);
+  std::vector<float> sizes(mesh.positions.size(), options.texel);
+  if (options.texel == 0) {
+    sizes = views_.texel_sizes(mesh);
+    for (float& size : sizes) size = std::min(size, kMaxTexel * voxel_size);
+  }
   const auto max_texels = static_cast<double>(kTypicalCoverage) * options.max_size * options.max_size;
   scale(sizes, std::ldexp(1.0f, level));
   scale(sizes, static_cast<float>(std::max(1.0, std::sqrt(texels_of(mesh, sizes) / max_texels))));
@@ -98,7 +93,7 @@ Mesh Texturer::texture(Mesh mesh, const CellMesh& part, int level) {
         std::count_if(tile.triangles.begin(), tile.triangles.end(), [](std::uint32_t t) { return t != kNone; }));
   visible_texels_ += run_.timed("texture", [&] {
     return views_.blend(*atlas, part.colors.get(), [&](double share) {
-      run_.step(ProgressCost::kTexture * part.bricks * share, "coloring");
+      run_.step(run_.cost.texture * part.bricks * share, "coloring");
       malloc_trim(0);  // freed images, bricks and charts were fragmented
     });
   });

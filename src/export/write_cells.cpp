@@ -154,7 +154,7 @@ void write_parts(ExportRun& run, Texturer* texturer) {
   for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(gltf), {}});
   std::optional<Preview> preview = preview_of(run);
   if (preview)
-    run.cost.total += (ProgressCost::kSimplify + (texturer != nullptr ? run.cost.charts + ProgressCost::kTexture : 0)) *
+    run.cost.total += (ProgressCost::kSimplify + (texturer != nullptr ? run.cost.charts + run.cost.texture : 0)) *
                       static_cast<double>(run.input.bricks.size());
   for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels, preview);
   run.refuse_empty(run.exported.triangles);

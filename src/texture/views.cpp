@@ -128,8 +128,11 @@ void TextureViews::equalize(OnDevice& image, const Eigen::Isometry3d& pose, cons
   std::vector<std::uint32_t> colors(std::size_t{columns} * rows), map(colors.size());
   gpu::Batch compare(device_);
   reference_(compare, {columns * rows, 1, 1},
-             {.volume = volume_.view(), .camera = camera, .world_from_camera = shader::rigid(pose)}, volume_,
-             {&volume_.page_table(), &image.pixels, &model, &map_colors_});
+             {.volume = volume_.view(),
+              .camera = camera,
+              .world_from_camera = shader::rigid(pose),
+              .tolerance = kDepthTolerance},
+             volume_, {&volume_.page_table(), &image.pixels, &model, &map_colors_});
   compare.download(image.blurred, colors);
   compare.download(map_colors_, map);
   compare.run();
@@ -139,7 +142,7 @@ void TextureViews::equalize(OnDevice& image, const Eigen::Isometry3d& pose, cons
   expose_(batch, {pixels_of(camera_), 1, 1}, {.width = camera.width, .height = camera.height, .words = 2},
           {&gains_, &image.pixels});
   expose_(batch, {columns * rows, 1, 1}, {.width = columns, .height = rows, .words = 1}, {&gains_, &image.blurred});
-  batch.run();
+  batch.submit();
 }
 
 bool TextureViews::has_color() {

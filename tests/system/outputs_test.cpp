@@ -244,6 +244,7 @@ TEST_F(Outputs, AreTexturedIfThereIsColor) {
   EXPECT_FALSE(mesh_of("long-gray", "t4", {}).contains("textures"));
   EXPECT_FALSE(mesh_of("rec", "t5", {"--poses", "map/trajectory.txt"}).contains("textures"));
   EXPECT_EQ(mesh_of("rec", "t6", {"--poses", "map/trajectory.txt", "--texel", "0.01"})["textures"], 1);
+  EXPECT_NEAR(mesh_of("rec", "t-coarse", {"--texel", "0.03"})["texel_m"].get<double>(), 0.03, 1e-6);
   EXPECT_EQ(run({"reconstruct", "rec", "t7", "--no-texture", "--texture-size", "256"}).exit_code, 2);
   // The same for a finished map, if the file type supports textures.
   const auto textures_of = [&](const std::string& map, const char* file) {

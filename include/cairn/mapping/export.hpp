@@ -29,7 +29,7 @@ struct ExportReport {
   std::size_t texels = 0;
   double textured_share = 0;  ///< fraction of texels seen by a keyframe; the rest have voxel colors
   int keyframes = 0;
-  std::map<std::string, double> stage_ms;  ///< mesh, clean, simplify, charts, exposure, texture, write
+  std::map<std::string, double> stage_ms;  ///< mesh, clean, simplify, charts, texture, write
 };
 
 /// Throws std::runtime_error naming the option, its value and the allowed range.

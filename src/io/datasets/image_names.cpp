@@ -13,6 +13,7 @@
 #include <tuple>
 
 #include "base/file_name.hpp"
+#include "base/median.hpp"
 #include "base/words.hpp"
 
 namespace cairn {
@@ -77,13 +78,6 @@ std::vector<T> steps_of(const std::vector<T>& values) {
   std::adjacent_difference(values.begin(), values.end(), steps.begin());
   if (!steps.empty()) steps.erase(steps.begin());
   return steps;
-}
-template <class T>
-T median(std::vector<T> values) {
-  if (values.empty()) return {};
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 double median_step(std::vector<double> values) {
   std::sort(values.begin(), values.end());
