@@ -2,10 +2,15 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <vector>
 
 namespace cairn::apps {
+
+[[nodiscard]] inline double milliseconds(std::chrono::steady_clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
 
 /// Statistics of repeated durations. Counts all, but stores only the newest, so that memory does not grow with the
 /// length of a run.

@@ -88,9 +88,7 @@ class ShownStages {
   [[nodiscard]] std::optional<FinishStage> skipped() const { return skipped_; }
   /// Ends the display and the time of the current stage.
   void end() {
-    if (stage_)
-      run_.add_time(std::string(to_string(*stage_)),
-                    std::chrono::duration<double, std::milli>(Clock::now() - start_).count());
+    if (stage_) run_.add_time(std::string(to_string(*stage_)), milliseconds(Clock::now() - start_));
     stage_.reset();
     progress_.reset();
   }

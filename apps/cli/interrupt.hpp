@@ -17,6 +17,8 @@ void install_signal_handlers();
 /// Blocks if a signal is ending the program, to keep other threads from ending it differently.
 void block_if_exiting();
 
+/// Message for the first signal while frames are read.
+constexpr const char* kFinishing = "finishing with the frames so far; interrupt again to end at once";
 /// Message for the first signal while result files are written.
 constexpr const char* kWriting = "writing the result; interrupt again to end at once";
 
@@ -26,8 +28,7 @@ class Interrupt {
   /// When the work is worth finishing: at once, or after allow_graceful_exit().
   enum class Graceful { now, later };
   /// `message` is printed at the first signal; empty: no message.
-  explicit Interrupt(Graceful graceful,
-                     std::string message = "finishing with the frames so far; interrupt again to end at once");
+  explicit Interrupt(Graceful graceful, std::string message = kFinishing);
   ~Interrupt();
   Interrupt(const Interrupt&) = delete;
   Interrupt& operator=(const Interrupt&) = delete;

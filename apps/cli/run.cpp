@@ -302,7 +302,7 @@ void Run::checkpoint() {
 void Run::timed(const char* stage, const std::function<void()>& work) {
   const auto begin = Clock::now();
   work();
-  add_time(stage, std::chrono::duration<double, std::milli>(Clock::now() - begin).count());
+  add_time(stage, milliseconds(Clock::now() - begin));
 }
 
 void Run::add_time(const std::string& stage, double milliseconds) { stages_[stage].add(milliseconds); }

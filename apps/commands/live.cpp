@@ -82,8 +82,6 @@ class Stream {
   bool ended_ = false;
 };
 
-double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
-
 /// On a CPU, aligning fewer pixels (every fourth of 640x480) costs less accuracy than dropping frames. Small images are
 /// aligned at the default level.
 int finest_level(const Arguments& a, const Camera& depth) {
@@ -157,7 +155,7 @@ void print(const nlohmann::json& json, const FrameRates& frame_rates, const Live
 void set_messages(const Arguments& a, const Run& run, Interrupt& interrupt) {
   const bool has_stages = a.stages.apply_to(run);
   interrupt.set_message(has_stages ? "improving the map of the frames so far; interrupt again to skip this"
-                                   : "finishing with the frames so far; interrupt again to end at once");
+                                   : kFinishing);
   interrupt.set_next_message(has_stages ? kSkipping : "");
 }
 

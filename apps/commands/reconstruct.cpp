@@ -36,8 +36,6 @@ struct Arguments : RunArguments {
   RunViewArguments view;
 };
 
-double milliseconds(Clock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
-
 /// Poses of --poses or --guess, world_from_camera; empty without either.
 Trajectory given_poses(const Arguments& a) {
   const fs::path& file = a.poses.empty() ? a.guess : a.poses;
