@@ -53,13 +53,29 @@ nlohmann::json to_json(const AdjustReport& a) {
           {"covariances", to_json(a.covariances)}};
 }
 
-void warn_of_errors(const AdjustReport& adjusted, bool is_used, Run& run) {
-  if (adjusted.has_readout)
+/// Calibration found by the stages and used for the map.
+struct FoundCameras {
+  bool has_correction = false;
+  double readout = 0;  // s; 0: none
+};
+
+/// `before`: rig before the stages.
+FoundCameras found_cameras(const Rig& before, const Rig& after) {
+  return {.has_correction = before.depth_correction != after.depth_correction,
+          .readout = before.depth.readout > 0 ? 0 : after.depth.readout};
+}
+
+nlohmann::json to_json(const FoundCameras& found) {
+  return {{"depth_corrected", found.has_correction}, {"readout", found.readout}};
+}
+
+void warn_of_errors(const AdjustReport& adjusted, const FoundCameras& found, Run& run) {
+  if (adjusted.has_readout && found.readout == 0)
     run.warn(
         fmt::format("the camera has a rolling shutter with a readout of about {:.0f} ms: calibrate it with `cairn "
                     "calibrate --shutter` for more accurate tracking",
                     1000 * adjusted.readout));
-  if (!adjusted.correction.empty() && !is_used)
+  if (!adjusted.correction.empty() && !found.has_correction)
     run.warn(
         "the depth error exceeds the sensor noise: `--reintegrate` corrects it, and `cairn calibrate --depth` "
         "calibrates it for later recordings");
@@ -141,7 +157,7 @@ nlohmann::json to_json(const HeldOutError& e) {
 }
 
 /// Gain of the stages in one line, by the held-out frames.
-std::string gain(const FinishReport& finished) {
+std::string gain(const FinishReport& finished, const FoundCameras& found) {
   if (!finished.error_before || !finished.error) return "too few frames held out to judge the adjusted map";
   const HeldOutError &before = *finished.error_before, &after = *finished.error;
   std::string text = fmt::format("depth error {:.1f} -> {:.1f} mm", 1000 * before.depth_rmse, 1000 * after.depth_rmse);
@@ -155,7 +171,7 @@ std::string gain(const FinishReport& finished) {
   }
   text += fmt::format(" in {} held-out frames", after.frames);
   if (!finished.is_kept) return "the map as tracked, since the adjusted map is worse: " + text;
-  if (finished.adjusted && finished.adjusted->has_readout)
+  if (finished.adjusted && finished.adjusted->has_readout && found.readout == 0)
     text +=
         fmt::format("; a rolling shutter of about {:.0f} ms: `cairn calibrate --shutter` for more accurate tracking",
                     1000 * finished.adjusted->readout);
@@ -216,19 +232,23 @@ nlohmann::json improve(const FinalStages& stages, Source* again, bool judges, Ru
   ShownStages shown(run, interrupt, view);
   FinishOptions options = finish_options(stages, judges, again);
   options.progress = std::ref(shown);
+  const Rig before = run.mapper().rig();
   const FinishReport finished = run.mapper().finish(options);
+  const FoundCameras found = found_cameras(before, run.mapper().rig());
   shown.end();
   if (finished.has_fused_held_out) run.fused_held_out();
   if (!stages.is_expert() && !shown.skipped()) run.improved();
-  nlohmann::json results = quality_json(
-      stages, finished.is_kept,
-      (shown.skipped() ? fmt::format("skipped in the stage {}; ", to_string(*shown.skipped())) : "") + gain(finished));
+  nlohmann::json results =
+      quality_json(stages, finished.is_kept,
+                   (shown.skipped() ? fmt::format("skipped in the stage {}; ", to_string(*shown.skipped())) : "") +
+                       gain(finished, found));
   if (finished.error_before) results["quality"]["before"] = to_json(*finished.error_before);
   if (finished.error) results["quality"]["after"] = to_json(*finished.error);
   if (finished.refined) results["refined"] = to_json(*finished.refined);
   if (finished.adjusted) {
     results["adjusted"] = to_json(*finished.adjusted);
-    if (stages.is_expert()) warn_of_errors(*finished.adjusted, finished.is_reintegrated, run);
+    results["calibration"] = to_json(found);
+    if (stages.is_expert()) warn_of_errors(*finished.adjusted, found, run);
   }
   return results;
 }

@@ -20,18 +20,20 @@ constexpr std::uint32_t kDisplay = 0x03;  // PCI class
 struct KnownSensor {
   std::uint16_t vendor, first_product, last_product;  // USB numbers
   const char* name;
-  bool by_openni;
+  const char* input;  // name for `cairn live`; empty if not supported
 };
-// From the udev rules of OpenNI2, libfreenect2, librealsense and the Azure Kinect SDK.
+// From the udev rules of OpenNI2, libfreenect2, librealsense, the Azure Kinect SDK and OrbbecSDK.
 constexpr std::array kSensors{
-    KnownSensor{0x1d27, 0x0600, 0x0609, "PrimeSense sensor or Xtion", true},
-    KnownSensor{0x2bc5, 0x0401, 0x04ff, "Orbbec Astra", true},
-    KnownSensor{0x045e, 0x02ae, 0x02ae, "Kinect for Xbox 360", true},
-    KnownSensor{0x045e, 0x02bf, 0x02bf, "Kinect for Windows", true},
-    KnownSensor{0x045e, 0x02c4, 0x02c4, "Kinect 2", false},
-    KnownSensor{0x045e, 0x02d8, 0x02d9, "Kinect 2", false},
-    KnownSensor{0x045e, 0x097c, 0x097c, "Azure Kinect", false},
-    KnownSensor{0x8086, 0x0a66, 0x0b6f, "RealSense", false},
+    KnownSensor{0x1d27, 0x0600, 0x0609, "PrimeSense sensor or Xtion", "openni:"},
+    KnownSensor{0x2bc5, 0x0401, 0x04ff, "Orbbec Astra", "openni:"},
+    KnownSensor{0x2bc5, 0x0669, 0x0669, "Orbbec Femto Mega", "k4a:"},
+    KnownSensor{0x2bc5, 0x066b, 0x066b, "Orbbec Femto Bolt", "k4a:"},
+    KnownSensor{0x045e, 0x02ae, 0x02ae, "Kinect for Xbox 360", "openni:"},
+    KnownSensor{0x045e, 0x02bf, 0x02bf, "Kinect for Windows", "openni:"},
+    KnownSensor{0x045e, 0x02c4, 0x02c4, "Kinect 2", ""},
+    KnownSensor{0x045e, 0x02d8, 0x02d9, "Kinect 2", ""},
+    KnownSensor{0x045e, 0x097c, 0x097c, "Azure Kinect", "k4a:"},
+    KnownSensor{0x8086, 0x0a66, 0x0b6f, "RealSense", "realsense:"},
 };
 
 std::string first_line(const fs::path& file) {
@@ -74,10 +76,7 @@ bool is_by_vendor(const DeviceInfo& device, std::uint32_t vendor) {
 }
 
 std::string advice_for(const KnownSensor& sensor) {
-  const std::string name = sensor.name;
-  if (sensor.by_openni) return "cairn live openni: -o OUT --view";
-  if (name == "RealSense") return "record it with realsense-viewer as .bag, and pass it to cairn reconstruct";
-  if (name == "Azure Kinect") return "record it with k4arecorder as .mkv, and pass it to cairn reconstruct";
+  if (*sensor.input != '\0') return fmt::format("cairn live {} -o OUT --view", sensor.input);
   return "record it with ROS (kinect2_bridge) as .bag, and pass it to cairn reconstruct";
 }
 
@@ -131,7 +130,7 @@ std::vector<UsbSensor> usb_sensors_of(const fs::path& root) {
     const auto number = [&](const char* file) { return std::atoi(first_line(entry / file).c_str()); };
     sensors.push_back({.name = known->name,
                        .advice = advice_for(*known),
-                       .by_openni = known->by_openni,
+                       .input = known->input,
                        .node = root / fmt::format("dev/bus/usb/{:03}/{:03}", number("busnum"), number("devnum"))});
   }
   return sensors;

@@ -28,7 +28,7 @@ struct Gpu {
 struct UsbSensor {
   std::string name;
   std::string advice;          // steps to use the sensor with Cairn
-  bool by_openni = false;      // true if `cairn live openni:` supports the sensor
+  std::string input;           // name for `cairn live`: "openni:"; empty if not supported
   std::filesystem::path node;  // /dev/bus/usb/001/004
 };
 [[nodiscard]] std::vector<UsbSensor> usb_sensors_of(const std::filesystem::path& root = "/");

@@ -22,7 +22,7 @@ void add_output_options(CLI::App& command, OutputArguments& a, const std::string
 /// replacing or resuming; `can_resume` adds --resume to the remedies. Other files in a folder are not a map and remain.
 [[nodiscard]] std::filesystem::path choose_output(const OutputArguments& a, bool can_resume);
 
-/// Camera file of a map with corrected depth; recordings have no file of this name.
+/// Camera file of a map, with the calibration found by its run; recordings have no file of this name.
 inline constexpr const char* kMapCamera = "map_camera.yaml";
 
 /// Trajectory file of a recording other than the last; the last recording uses trajectory.txt.

@@ -189,8 +189,7 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
       mapper.map().write_graph(output_ / "graph.g2o");
       mapper.map().write_graph(output_ / "graph.svg");
     });
-  if (!mapper.rig().depth_correction.empty())
-    attempt(kMapCamera, [&] { write_rig(output_ / kMapCamera, mapper.rig()); });
+  attempt(kMapCamera, [&] { write_rig(output_ / kMapCamera, mapper.rig()); });
   std::optional<ExportReport> mesh;
   if (has_mesh_) {
     attempt("map.vdb", [&] { timed_("write map", [&] { mapper.map().write_grids(output_ / "map.vdb"); }); });
@@ -200,7 +199,7 @@ nlohmann::json Outputs::write(Mapper& mapper, Session* session, const MeshArgume
   nlohmann::json report = to_json(mapper.statistics());
   const GravityAlignment upright = mapper.upright();
   report["upright"] = to_json(upright);
-  report["camera"] = mapper.rig().depth_correction.empty() ? nlohmann::json() : nlohmann::json(kMapCamera);
+  report["camera"] = kMapCamera;
   if (upright.off) report["tilt_degrees"] = *upright.off * 180 / std::numbers::pi;
   report["searched"] = nlohmann::json::array();
   for (const KeyframeInfo& keyframe : mapper.keyframes())
@@ -219,7 +218,6 @@ void Outputs::write_report(const nlohmann::json& report) {
 }
 
 void Outputs::remove_old(const Mapper& mapper, bool has_graph) const {
-  if (mapper.rig().depth_correction.empty()) std::filesystem::remove(output_ / kMapCamera);
   if (!has_mesh_)
     for (const char* name : {"mesh.glb", "preview.glb", "map.vdb", "report.html"})
       std::filesystem::remove(output_ / name);

@@ -4,6 +4,7 @@
 
 #include <fmt/color.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 
@@ -66,6 +67,18 @@ nlohmann::json to_json(const PoseCheck& c) {
   if (c.contradicts && c.is_likely)
     j["likely"] = {{"convention", to_string(c.likely)}, {"agree", c.explained}, {"only", c.is_only}};
   return j;
+}
+
+/// Calibration found by the run in words; empty: none.
+std::string calibration_words(const nlohmann::json& report) {
+  std::vector<std::string> found;
+  const nlohmann::json calibration = report.value("calibration", nlohmann::json::object());
+  if (calibration.value("depth_corrected", false)) found.emplace_back("depth corrected");
+  if (const double readout = calibration.value("readout", 0.0); readout > 0)
+    found.push_back(fmt::format("readout {:.1f} ms", 1000 * readout));
+  if (const double clock = report["clock_offset"]; clock != 0)
+    found.push_back(fmt::format("clock {:+.1f} ms", 1000 * clock));
+  return fmt::format("{}", fmt::join(found, ", "));
 }
 
 /// A resumed run keeps the previous log and writes X-2.mcap, X-3.mcap, ...
@@ -143,10 +156,11 @@ SourceOptions source_options(const RunArguments& a, const FrameRange& range) {
   return options;
 }
 
-Options options_of(const RunArguments& a, const SensorModel& sensor, int finest_level) {
+Options options_of(const RunArguments& a, const SensorModel& sensor, bool has_assumed_rate, int finest_level) {
   Options options = options_for(sensor);
   options.track.finest_level = finest_level;
-  options.motion = motion_of(a.motion);
+  options.motion = motion_of(a.motion.value_or(has_assumed_rate ? "unknown" : "hand"));
+  options.track.device_poses = device_poses_of(a.device_poses);
   if (!a.config.empty()) read_options(a.config, options);
   if (a.voxel_size) {
     options.fuse.voxel_size = *a.voxel_size;
@@ -501,6 +515,8 @@ void Run::print_summary(const nlohmann::json& report, const Verdict& verdict) co
     if (report.contains("quality"))
       fmt::print(out, "quality     {}: {}\n", report["quality"]["requested"].get<std::string>(),
                  report["quality"]["words"].get<std::string>());
+    if (const std::string words = calibration_words(report); !words.empty())
+      fmt::print(out, "calibration {}; in {}\n", words, (output / kMapCamera).string());
     fmt::print(out, "report      {}\n", (fs::exists(page) ? page : output / "report.json").string());
     if (fs::exists(page)) fmt::print(out, "next: cairn view {}\n", quoted(output));
   }
@@ -557,12 +573,9 @@ CLI::Option* add_quality(CLI::App& command, Quality& quality) {
       ->type_name("NAME");
 }
 
-void add_run_options(CLI::App& command, RunArguments& a) {
-  command.add_option("SEQUENCE", a.sequence, kSequenceHelp)->required();
-  add_output_options(command, a, "-o,--output,OUT",
-                     "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.html and the session");
-  command.add_option("--config", a.config, "YAML file that overrides options")->check(CLI::ExistingFile);
-  add_camera(command, a.camera, "in place of the cameras of the recording or sensor");
+namespace {
+
+void add_tracking_options(CLI::App& command, RunArguments& a) {
   command
       .add_option(
           "--sensor", a.sensor,
@@ -575,9 +588,28 @@ void add_run_options(CLI::App& command, RunArguments& a) {
           return error.what();
         }
       });
-  command.add_option("--motion", a.motion, "What carries the camera: hand, robot or drone; limits its speed")
-      ->check(CLI::IsMember({"hand", "robot", "drone"}))
+  command
+      .add_option("--motion", a.motion,
+                  "What carries the camera: hand, robot or drone; limits its speed [hand; no limit if the frame rate "
+                  "is assumed]")
+      ->check(CLI::IsMember({"hand", "robot", "drone"}));
+  command
+      .add_option("--device-poses", a.device_poses,
+                  "Use of the poses of the device's own tracking, from the recording or --guess: off, guess (start of "
+                  "each alignment) or prior (also a measurement of the motion, as long as it agrees)")
+      ->check(CLI::IsMember({"off", "guess", "prior"}))
       ->capture_default_str();
+}
+
+}  // namespace
+
+void add_run_options(CLI::App& command, RunArguments& a) {
+  command.add_option("SEQUENCE", a.sequence, kSequenceHelp)->required();
+  add_output_options(command, a, "-o,--output,OUT",
+                     "Folder for mesh.glb, map.vdb, trajectory.txt, graph.svg, report.html and the session");
+  command.add_option("--config", a.config, "YAML file that overrides options")->check(CLI::ExistingFile);
+  add_camera(command, a.camera, "in place of the cameras of the recording or sensor");
+  add_tracking_options(command, a);
   command
       .add_option("--up", a.up,
                   "Up axis of the map: auto (from an accelerometer, or from floors and walls), camera (up in the first "

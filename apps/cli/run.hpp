@@ -34,7 +34,8 @@ struct RunArguments : OutputArguments {
   std::string sequence;
   std::filesystem::path config, camera, log;
   std::optional<std::string> sensor;
-  std::string motion = "hand";
+  std::optional<std::string> motion;
+  std::string device_poses = "prior";
   std::optional<std::string> up;
   std::vector<std::string> topics;
   std::optional<float> voxel_size;
@@ -69,7 +70,7 @@ template <class Arguments>
 }
 /// Checked options for the sensor and the user's arguments; `finest_level` is the program's default for this option.
 /// Throws std::runtime_error for invalid combinations.
-[[nodiscard]] Options options_of(const RunArguments& a, const SensorModel& sensor = {},
+[[nodiscard]] Options options_of(const RunArguments& a, const SensorModel& sensor = {}, bool has_assumed_rate = false,
                                  int finest_level = TrackOptions{}.finest_level);
 /// Options for opening the source.
 [[nodiscard]] SourceOptions source_options(const RunArguments& a, const FrameRange& range);

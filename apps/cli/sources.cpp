@@ -115,7 +115,7 @@ void add_camera(CLI::App& command, std::filesystem::path& camera, const std::str
 }
 
 void add_topics(CLI::App& command, std::vector<std::string>& topics) {
-  command.add_option("--topic", topics, "ROS recordings: topic of the depth or of the color images, each at most once")
+  command.add_option("--topic", topics, "ROS: topic of the depth or of the color images, each at most once")
       ->allow_extra_args(false);
 }
 

@@ -16,7 +16,9 @@ namespace cairn::apps {
 /// Help text for SEQUENCE.
 inline constexpr const char* kSequenceHelp =
     "Folder (TUM RGB-D, 7-Scenes, ICL-NUIM, nerfstudio and others, or your own images), .oni, .sens or .mkv "
-    "file, .bag, .mcap, .db3 or folder of ROS, .zip of these, openni: or openni:URI for a sensor, or synthetic:NAME";
+    "file, .bag, .mcap, .db3 or folder of ROS, .zip of these, a sensor (openni:, realsense: or k4a:, followed by its "
+    "URI or serial number if there are several), ros2: for running ROS 2 topics, frames of a program that connects "
+    "(tcp:PORT, ws:PORT), or synthetic:NAME";
 
 /// Absolute path without `.`, `..` and a trailing slash; it need not exist.
 [[nodiscard]] std::filesystem::path tidy(const std::filesystem::path& path);

@@ -7,9 +7,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <thread>
 
+#include "cairn/io/sensors.hpp"
 #include "cairn/mapping/device.hpp"
 #include "cairn/mapping/mapper.hpp"
 #include "cairn/synthetic/scene.hpp"
@@ -92,11 +94,20 @@ void check_gpus(const std::vector<DeviceInfo>& devices, Checks& checks) {
       checks.push_back({Check::Level::note, "graphics", gpu.name() + " is not used", *remedy});
 }
 
+/// Reason and remedy if the library of a sensor is missing. OpenNI2 is checked apart.
+std::optional<std::string> missing_library(const std::string& input) {
+  if (input == "openni:") return std::nullopt;
+  for (const SensorLibrary& library : list_sensors())
+    if (library.input == input) return library.missing;
+  return std::nullopt;
+}
+
 void check_sensors(Checks& checks) {
   const bool has_rules = has_openni_rules();
   if (!CAIRN_HAS_OPENNI)
-    checks.push_back({Check::Level::note, "sensors", "this build has no OpenNI2: recordings only",
-                      "install libopenni2-dev and build again for PrimeSense, Xtion and Kinect for Xbox 360"});
+    checks.push_back({Check::Level::note, "sensors",
+                      "this build has no OpenNI2, for PrimeSense, Xtion and Kinect for Xbox 360",
+                      "install libopenni2-dev and build again"});
   else if (!has_rules && geteuid() != 0)
     checks.push_back({Check::Level::note, "sensors",
                       "OpenNI2 is installed, but udev allows only root to use its sensors",
@@ -108,13 +119,19 @@ void check_sensors(Checks& checks) {
   for (const UsbSensor& sensor : usb_sensors_of()) {
     Check& check =
         checks.emplace_back(Check{.what = "sensor", .text = sensor.name + " is plugged in", .remedy = sensor.advice});
-    if (!sensor.by_openni) {
+    const auto note = [&check](const char* text) {
       check.level = Check::Level::note;
-      check.text += ", which Cairn does not support directly";
+      check.text += text;
+    };
+    if (sensor.input.empty()) {
+      note(", which Cairn does not support directly");
+    } else if (const auto missing = missing_library(sensor.input)) {
+      note(", but its library cannot be used");
+      check.remedy = *missing;
     } else if (access(sensor.node.c_str(), R_OK | W_OK) != 0) {
-      check.level = Check::Level::note;
-      check.text += ", but you have no access to it";
-      check.remedy = "install libopenni2-0 and plug it in again";
+      note(", but you have no access to it");
+      check.remedy = sensor.input == "openni:" ? "install libopenni2-0 and plug it in again"
+                                               : "install the udev rules of its library and plug it in again";
     }
   }
 }

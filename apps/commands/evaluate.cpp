@@ -304,6 +304,15 @@ nlohmann::json to_json(const MapError& e, const LoopDrift& drift, bool is_held_o
   return j;
 }
 
+/// Opens a recording with the cameras of its map, unless they are its own.
+std::unique_ptr<Source> open_with_cameras(const std::string& recording, const std::filesystem::path& camera_file) {
+  if (is_synthetic(recording) || !std::filesystem::exists(camera_file)) return open_source(recording);
+  auto source = open_source(recording, {.find_color_camera = false});
+  const Rig rig = read_rig(camera_file);
+  if (rig.has_same_cameras(source->rig()) && rig.depth_correction == source->rig().depth_correction) return source;
+  return open_source(recording, {.camera = camera_file});
+}
+
 void evaluate_map_folder(const Arguments& a) {
   const std::filesystem::path folder(a.estimate);
   for (const char* name : {"mesh.glb", "trajectory.txt", "report.json"})
@@ -316,10 +325,9 @@ void evaluate_map_folder(const Arguments& a) {
   std::vector<double> times;
   times.reserve(keyframes.size());
   for (const KeyframeInfo& keyframe : keyframes) times.push_back(keyframe.timestamp);
-  SourceOptions options;
-  if (!camera.empty() && std::filesystem::exists(folder / camera)) options.camera = folder / camera;
   const bool is_held_out = held_out.every > 0;
-  const auto recording = hold_out(open_source(a.truth, options), held_out);
+  const auto recording =
+      hold_out(camera.empty() ? open_source(a.truth) : open_with_cameras(a.truth, folder / camera), held_out);
   const MapError e = evaluate_map(read_mesh_parts(folder / "mesh.glb"), *recording, poses, times,
                                   a.map_step.value_or(is_held_out ? 1 : 10), is_held_out, clock_offset);
   const LoopDrift drift = evaluate_loop_drift(loops, poses);

@@ -8,6 +8,7 @@
 
 #include "base/file_name.hpp"
 #include "cairn/io/inspect.hpp"
+#include "cairn/io/measure_noise.hpp"
 #include "cairn/io/source.hpp"
 #include "cli/command_tree.hpp"
 #include "cli/commands.hpp"
@@ -30,6 +31,38 @@ struct Arguments {
   std::vector<std::string> topics;
   int frames = 100, frame = 0;
   bool json = false;
+};
+
+/// Source that copies depth images of its first seconds, for their noise.
+class DepthSampler final : public Source {
+ public:
+  explicit DepthSampler(Source& source) : source_(source) {}
+  [[nodiscard]] const Rig& rig() const override { return source_.rig(); }
+  [[nodiscard]] std::string layout() const override { return source_.layout(); }
+  [[nodiscard]] std::optional<int> size() const override { return source_.size(); }
+  [[nodiscard]] std::optional<std::string> ended_early() const override { return source_.ended_early(); }
+  [[nodiscard]] bool has_assumed_rate() const override { return source_.has_assumed_rate(); }
+  [[nodiscard]] int dropped() const override { return source_.dropped(); }
+  [[nodiscard]] std::optional<Frame> next() override {
+    constexpr double kSeconds = 3;
+    constexpr std::size_t kImages = 16;
+    auto frame = source_.next();
+    const auto pixels = static_cast<std::size_t>(rig().depth.width) * static_cast<std::size_t>(rig().depth.height);
+    if (!frame || frame->problem || frame->depth.size() != pixels || images_.size() == kImages) return frame;
+    if (images_.empty()) next_sample_ = frame->timestamp;
+    if (frame->timestamp < next_sample_) return frame;
+    next_sample_ += kSeconds / kImages;
+    images_.push_back(frame->depth);
+    for (std::size_t i = 0; i < std::min(pixels, frame->confidence.size()); ++i)
+      if (frame->confidence[i] < rig().sensor.min_confidence) images_.back()[i] = 0;
+    return frame;
+  }
+  [[nodiscard]] DepthNoise noise() const { return measure_depth_noise(images_, rig().depth); }
+
+ private:
+  Source& source_;
+  std::vector<std::vector<float>> images_;
+  double next_sample_ = 0;  // seconds
 };
 
 std::string lens_of(const Camera& c) {
@@ -81,6 +114,19 @@ Json json_of(const SourceSummary& s) {
   return j;
 }
 
+Json json_of(const DepthNoise& n) {
+  Json samples = Json::array();
+  for (const auto& s : n.samples) samples.push_back({{"depth", s.depth}, {"sigma", s.sigma}, {"patches", s.patches}});
+  Json j{{"images", n.frames},         {"patches", n.patches},
+         {"samples", samples},         {"correlation_px", n.correlation_px},
+         {"depth_step", n.depth_step}, {"inverse_depth_step", n.inverse_depth_step},
+         {"holes", n.holes},           {"flying", n.flying},
+         {"nearest", n.nearest},       {"farthest", n.farthest}};
+  if (!n.samples.empty())
+    j["model"] = {{"floor", n.model.floor}, {"growth", n.model.growth}, {"sharpest", n.model.sharpest}};
+  return j;
+}
+
 void print(const Camera& c, const char* name) {
   fmt::print("{:<16}{}x{}, fx {:.2f} fy {:.2f} cx {:.2f} cy {:.2f} pixels\n", name, c.width, c.height, c.fx, c.fy, c.cx,
              c.cy);
@@ -88,7 +134,33 @@ void print(const Camera& c, const char* name) {
   if (c.readout > 0) fmt::print("  {:<14}{:.1f} ms\n", "readout", 1000 * c.readout);
 }
 
-void print(const SourceSummary& s, const std::vector<Interpretation>& interpretations) {
+void print(const DepthNoise& n, const SensorModel& assumed) {
+  if (n.samples.empty()) {
+    fmt::print("{:<16}not measured: {} planar patches in {} images are too few\n", "depth noise", n.patches, n.frames);
+    return;
+  }
+  std::vector<float> depths;
+  for (const float z : {0.5f, 1.0f, 2.0f, 3.0f, 4.0f})
+    if (n.sigma(z)) depths.push_back(z);
+  if (depths.empty()) depths.push_back(n.samples[n.samples.size() / 2].depth);
+  std::vector<std::string> measured, model, steps;
+  bool quantized = false;
+  for (const float z : depths) {
+    measured.push_back(fmt::format("{:.1f} mm at {:.3g} m", 1000 * n.sigma(z).value_or(0), z));
+    model.push_back(fmt::format("{:.1f}", 1000 * assumed.sigma(z)));
+    steps.push_back(fmt::format("{:.1f} mm at {:.3g} m", 1000 * n.step(z), z));
+    quantized |= n.step(z) > n.sigma(z);
+  }
+  fmt::print("{:<16}{} (measured); {} assumes {} mm\n", "depth noise", fmt::join(measured, ", "), to_string(assumed),
+             fmt::join(model, ", "));
+  constexpr float kCorrelated = 4, kFlying = 0.1f;  // pixels; share of the edges
+  if (n.correlation_px > kCorrelated)
+    fmt::print("  {:<14}noise is correlated over {:.0f} pixels\n", "smoothed", n.correlation_px);
+  if (quantized) fmt::print("  {:<14}in steps of {}\n", "quantized", fmt::join(steps, ", "));
+  if (n.flying > kFlying) fmt::print("  {:<14}at {:.0f} % of the depth edges\n", "flying pixels", 100 * n.flying);
+}
+
+void print(const SourceSummary& s, const DepthNoise& noise, const std::vector<Interpretation>& interpretations) {
   fmt::print("{:<16}{}\n", "layout", s.layout);
   for (const auto& [what, words] : interpretations) fmt::print("{:<16}{}\n", what, words);
   print(s.rig.depth, "depth camera");
@@ -107,6 +179,7 @@ void print(const SourceSummary& s, const std::vector<Interpretation>& interpreta
   fmt::print("{:<16}{} frames, {:.2f} s\n", "inspected", s.inspected, s.seconds);
   fmt::print("{:<16}{:.2f} to {:.2f} m, median {:.2f} m; {:.0f} % of the pixels\n", "depth", s.nearest, s.farthest,
              s.median, 100 * s.measured_share);
+  print(noise, s.rig.sensor);
   fmt::print("{:<16}with {} of these, {:+.1f} ms from depth\n", "color images", s.with_color, 1000 * s.color_delay);
   fmt::print("{:<16}with {} of these\n", "poses", s.with_pose);
   fmt::print("{:<16}with {} of these\n", "accelerometer", s.with_acceleration);
@@ -132,7 +205,9 @@ void info(const Arguments& a) {
   Inputs().add_recording(a.sequence).add(a.camera).check_output_file(a.picture);
   if (is_map_folder(a.sequence)) return print_map_info(a.sequence, a.json);
   const auto source = open_source(a.sequence, source_options(a.sequence, a.camera, a.topics));
-  SourceSummary summary = inspect(*source, a.frames);
+  DepthSampler sampler(*source);
+  SourceSummary summary = inspect(sampler, a.frames);
+  const DepthNoise noise = sampler.noise();
   // Poses in separate files are not part of the frames until requested.
   if (!is_sensor(a.sequence) && !is_synthetic(a.sequence) &&
       (std::filesystem::is_directory(a.sequence) || extension_of(a.sequence) == ".zip"))
@@ -141,10 +216,11 @@ void info(const Arguments& a) {
   const auto interpretations = interpretation_of(a.sequence, source_options(a.sequence, a.camera, a.topics));
   if (a.json) {
     Json json = json_of(summary);
+    json["depth_noise"] = json_of(noise);
     for (const auto& [what, words] : interpretations) json["understood"][what] = words;
     fmt::print("{}\n", format_json(json, 2));
   } else {
-    print(summary, interpretations);
+    print(summary, noise, interpretations);
   }
   if (!a.picture.empty()) draw(a);
 }

@@ -11,6 +11,7 @@
 #include "cairn/io/layouts.hpp"
 #include "cairn/io/live_source.hpp"
 #include "cairn/mapping/device.hpp"
+#include "cairn/mapping/ros2_publisher.hpp"
 #include "cairn/mapping/viewer.hpp"
 #include "cli/commands.hpp"
 #include "cli/console.hpp"
@@ -33,6 +34,7 @@ constexpr const char* kSkipping = "keeping the map as tracked; interrupt again t
 
 struct Arguments : RunArguments {
   bool as_fast_as_possible = false, real_time = false;
+  std::string publish;  // ros2:DOMAIN; empty: nothing is published
   RunViewArguments view;
   FinalStages stages;
 };
@@ -159,9 +161,15 @@ void set_messages(const Arguments& a, const Run& run, Interrupt& interrupt) {
   interrupt.set_next_message(has_stages ? kSkipping : "");
 }
 
+void update(TrackingState& tracking, const FrameReport& report, int dropped) {
+  using Is = TrackingState::Is;
+  if (report.state != FrameState::skipped) tracking.is = report.state == FrameState::lost ? Is::lost : Is::tracking;
+  tracking.dropped = dropped;
+}
+
 /// Processes frames until the recording or the user ends the run; handles the page's commands between frames.
 void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Run& run, const Options& options,
-                    LiveViewer* view, LiveStats& stats) {
+                    LiveViewer* view, TrackingState& tracking, Ros2Publisher* publisher, LiveStats& stats) {
   const std::optional<int> count = is_sensor(a.sequence) ? std::nullopt : stream.source().size();
   Progress progress(may_drop_frames(a) ? std::nullopt : count, "frames", relative_time(a.stages.quality, count));
   bool paused = false;
@@ -176,6 +184,7 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
         run.reset();
         if (!interrupt.requested()) set_messages(a, run, interrupt);
         view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
+        if (publisher) publisher->begin(run.mapper());
         stats = {.latencies = {}, .dropped_before = stream.source().dropped()};
       }
     }
@@ -188,6 +197,7 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
       stats.add(*frame);
       const FrameReport report = run.add(*frame, milliseconds(std::exchange(waited, {})));
       if (run.stopped()) break;
+      update(tracking, report, stream.source().dropped());
       stats.fused += report.state == FrameState::fused;
       if (report.state == FrameState::fused) interrupt.allow_graceful_exit();
       if (!interrupt.requested()) set_messages(a, run, interrupt);
@@ -197,6 +207,7 @@ void process_frames(const Arguments& a, Interrupt& interrupt, Stream& stream, Ru
           to_string(report, a.verbose) +
           (stream.source().dropped() > 0 ? fmt::format(", {} dropped to keep up", stream.source().dropped()) : ""));
       if (view) view->fused(*frame, report, latency);
+      if (publisher) publisher->add(report);
     }
     if (view) view->update(paused, stream.source().dropped());
   }
@@ -225,19 +236,28 @@ void live(const Arguments& requested) {
   std::optional<RunView> page;
   if (a.view.view) page.emplace(a.view, "see the map, and pause, reset and finish the run");
   LiveViewer* const view = page ? &page->viewer() : nullptr;
-  auto source = open_source(a.sequence, source_options(a, begin.range));
+  std::optional<Ros2Publisher> publisher;
+  if (!a.publish.empty())
+    publisher.emplace(a.publish,
+                      is_ros_recording(a.sequence) ? Ros2Publisher::Stamps::frames : Ros2Publisher::Stamps::now);
+  const auto tracking = std::make_shared<TrackingState>();
+  SourceOptions input = source_options(a, begin.range);
+  input.tracking = tracking;
+  auto source = open_source(a.sequence, input);
   hold_out_to_judge(a.stages.quality, a, *source, begin.progressed);
   Stream stream(a, hold_out(std::move(source), begin.progressed.hold_out));
   const Rig& rig = stream.source().rig();
-  options = options_of(a, rig.sensor, finest_level(a, rig.depth));
+  options = options_of(a, rig.sensor, stream.source().has_assumed_rate(), finest_level(a, rig.depth));
   Run run(a, options, Poses::tracked, stream.source().rig(), begin.progressed, begin.is_next_recording);
   run.compare_with(device_poses(a.sequence, a.camera));
   if (view) view->begin(run.mapper(), stream.source().rig(), options, run.frames_before());
+  if (publisher) publisher->begin(run.mapper());
 
   LiveStats stats;
   std::optional<ExitMessage> exit_message(run.exit_message());
   std::optional<Interrupt> interrupt(Interrupt::Graceful::later);
-  process_frames(a, *interrupt, stream, run, options, view, stats);
+  process_frames(a, *interrupt, stream, run, options, view, *tracking, publisher ? &*publisher : nullptr, stats);
+  publisher.reset();
   bool is_interrupted = interrupt->requested();
   if (view) view->finishing();
   if (const auto why = stream.source().ended_early()) run.warn(*why);
@@ -274,6 +294,11 @@ void add_live(CLI::App& program) {
                  "Play a recording at recorded speed, and drop frames to keep up, as with a sensor [every frame, "
                  "slower if necessary]")
       ->excludes(fast);
+  command
+      ->add_option("--publish", a->publish,
+                   "Publish poses and the surface as ROS 2 topics: ros2: for the domain ROS_DOMAIN_ID, else 0, or "
+                   "ros2:DOMAIN")
+      ->type_name("ros2:");
   command->callback([a] { live(*a); });
 }
 

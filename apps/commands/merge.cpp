@@ -31,6 +31,13 @@ struct Arguments : OutputArguments {
   MeshArguments mesh;
 };
 
+/// The rig of stored keyframes, which are corrected for the readout.
+Rig without_readout(Rig rig) {
+  rig.depth.readout = 0;
+  if (rig.color) rig.color->camera.readout = 0;
+  return rig;
+}
+
 void merge(Arguments a) {
   check(a.mesh.for_file("mesh.glb"), "mesh.glb");
   Inputs inputs;
@@ -39,7 +46,7 @@ void merge(Arguments a) {
   const Session::Info first = Session::info(a.maps[0] / "session");
   for (const fs::path& map : a.maps) {
     const Session::Info info = Session::info(map / "session");
-    if (!info.rig.has_same_cameras(first.rig))
+    if (!without_readout(info.rig).has_same_cameras(without_readout(first.rig)))
       throw std::runtime_error(map.string() + ": has another camera than " + a.maps[0].string() +
                                "; only maps of the same camera can be merged");
     if (info.voxel_size != first.voxel_size || info.truncation != first.truncation)

@@ -143,7 +143,7 @@ void reconstruct(const Arguments& requested) {
   auto recording = open_source(a.sequence, source_options(a, begin.range));
   hold_out_to_judge(a.stages.quality, a, *recording, begin.progressed);
   const auto source = with_wrappers(std::move(recording), a, begin.progressed.hold_out, given);
-  const Options options = options_of(a, source->rig().sensor);
+  const Options options = options_of(a, source->rig().sensor, source->has_assumed_rate());
   Run run(a, options, poses, source->rig(), begin.progressed, begin.is_next_recording);
   if (pose_check) report(*pose_check, poses, run);
   if (!a.guess.empty())

@@ -238,8 +238,8 @@ void add_synth(CLI::App& program) {
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENE", a->scene, "Scene to render")
       ->required()
-      ->check(
-          one_of({"room", "room-with-mover", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop", kBuilding}));
+      ->check(one_of(
+          {"room", "room-with-mover", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop", "door", kBuilding}));
   command->add_option("-o,--output", a->output, "Folder for the recording")->required()->type_name(kFolder);
   command->add_flag("--overwrite", a->overwrite, "Replace an existing synthetic recording");
   command

@@ -346,6 +346,7 @@ class TrackOptions:
     huber: float
     min_inlier_share: float
     max_rmse: float
+    device_poses: str
 
 class MotionOptions:
     max_speed: float

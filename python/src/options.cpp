@@ -38,7 +38,11 @@ void add_stages(py::module_& m) {
       .def_readwrite("min_inlier_share", &TrackOptions::min_inlier_share,
                      "Minimum inlier fraction of the pixels that see the map; below it the frame is lost.")
       .def_readwrite("max_rmse", &TrackOptions::max_rmse,
-                     "Maximum RMSE, in standard deviations of the depth noise; above it the frame is lost.");
+                     "Maximum RMSE, in standard deviations of the depth noise; above it the frame is lost.")
+      .def_property(
+          "device_poses", [](const TrackOptions& o) { return std::string(to_string(o.device_poses)); },
+          [](TrackOptions& o, const std::string& name) { o.device_poses = device_poses_of(name); },
+          "Use of Frame.guess: off, guess (start of the alignment) or prior (also a measurement of the motion).");
   py::class_<MotionOptions>(m, "MotionOptions", "Speed limits of the camera.")
       .def_readwrite("max_speed", &MotionOptions::max_speed, "m/s.")
       .def_readwrite("max_turn", &MotionOptions::max_turn, "rad/s.");

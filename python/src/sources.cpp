@@ -148,9 +148,10 @@ The next frame, or None at the end of the stream. An unreadable frame has its pr
 
 Opens a recording, a sensor or a scene as a Source.
 
-name: a folder or file of a known layout (docs/inputs.md), 'openni:' for the first sensor, 'synthetic:room' for a
-rendered scene. frames: number of frames, or slice(begin, end, step). camera: a camera.yaml or the name of a known
-camera, overrides the recording's. sensor: name of a SensorModel. depth_topic, color_topic: topics of a ROS recording.
+name: a folder or file of a known layout (docs/inputs.md), 'openni:', 'realsense:' or 'k4a:' for the first sensor,
+'tcp:PORT' or 'ws:PORT' for frames of a client, 'synthetic:room' for a rendered scene. frames: number of frames, or slice(begin, end, step). camera: a camera.yaml or
+the name of a known camera, overrides the recording's. sensor: name of a SensorModel. depth_topic, color_topic: topics
+of a ROS recording.
 poses, guesses: a Trajectory or its file, for Frame.pose and Frame.guess. color_on_depth: reprojects color to the
 depth camera. read_ahead: number of frames decoded ahead in a thread. live: only the newest frame; a recording is
 played in real time. hold_out: marks every n-th frame as held out for evaluation (Frame.held_out); 2 or more. Raises

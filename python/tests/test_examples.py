@@ -24,11 +24,18 @@ SMALL = {
     "other_libraries.py": [],
     "plan_a_path.py": ["--frames", "60"],
 }
+# Senders to a running program: test_network.py runs the first two, the rest needs cameras.
+SENDERS = ["frame_sender.py", "send_recording.py", "send_depthai.py", "send_orbbec.py", "send_realsense.py"]
 NEEDS = {"evaluation_table.py": "matplotlib", "plan_a_path.py": "scipy"}
 
 
 def test_all_examples_are_listed() -> None:
-    assert sorted(path.name for path in EXAMPLES.glob("*.py")) == sorted(SMALL)
+    assert sorted(path.name for path in EXAMPLES.glob("*.py")) == sorted([*SMALL, *SENDERS])
+
+
+@pytest.mark.parametrize("name", SENDERS)
+def test_sender_is_valid_python(name: str) -> None:
+    compile((EXAMPLES / name).read_text(), name, "exec")
 
 
 @pytest.mark.parametrize("name, arguments", SMALL.items())

@@ -71,5 +71,6 @@ def test_import_is_fast_and_without_numpy() -> None:
         return used() - begin
 
     alone = min(seconds("pass") for _ in range(3))
-    assert min(seconds("import cairn") for _ in range(5)) - alone < 0.2
+    by_numpy, by_cairn = (min(seconds(f"import {name}") for _ in range(5)) - alone for name in ("numpy", "cairn"))
+    assert by_cairn < 1.5 * by_numpy
     subprocess.run([sys.executable, "-c", "import cairn, sys; assert 'numpy' not in sys.modules"], check=True)

@@ -32,6 +32,8 @@ std::string_view to_string(InitialGuess guess) {
       return "relocalized";
     case InitialGuess::gyroscope:
       return "gyroscope";
+    case InitialGuess::device:
+      return "device";
   }
   return "";
 }

@@ -13,6 +13,7 @@
 #include "base/median.hpp"
 #include "bundle/bicubic.hpp"
 #include "geometry/student_t.hpp"
+#include "graph/relative_pose.hpp"
 
 namespace cairn {
 namespace {
@@ -109,6 +110,58 @@ void Bundle::add(BundleView view, const Eigen::Isometry3d& world_from_camera) {
 void Bundle::add_edge(const PoseGraph::Edge& edge) {
   edges_.push_back(edge);
   edges_.back().information *= kEdgeInformationFactor;
+}
+
+namespace {
+
+/// By view: the edge to the next view; nullptr if there is none.
+using Steps = std::vector<const PoseGraph::Edge*>;
+
+/// Composition of the edges from view `from` to view `to`, at most two; empty if one is missing.
+std::optional<PoseGraph::Edge> composed_edge(const Steps& steps, std::size_t from, std::size_t to) {
+  if (std::any_of(steps.data() + from, steps.data() + to, [](const auto* edge) { return edge == nullptr; })) return {};
+  RelativePose composed = along(*steps[from]);
+  if (from + 1 < to) composed = compose(composed, along(*steps[from + 1]));
+  return PoseGraph::Edge{.i_from_j = composed.pose,
+                         .information = composed.covariance.inverse(),
+                         .heavy_tailed = steps[from]->heavy_tailed};
+}
+
+}  // namespace
+
+Bundle Bundle::every_second() const {
+  std::array<Steps, 2> steps;  // of odometry and of a device, or adjusted ones, which are heavy-tailed
+  steps.fill(Steps(views_.size(), nullptr));
+  for (const auto& edge : edges_)
+    if (edge.j == edge.i + 1) steps[edge.heavy_tailed ? 1 : 0][edge.i] = &edge;
+  Bundle second(cameras_.rig);
+  second.sampled_views_ = views_.size();
+  const std::size_t last = views_.size() - 1;
+  for (std::size_t k = 0, before = 0;; before = k, k = std::min(k + 2, last)) {
+    second.views_.push_back(views_[k]), second.poses_.push_back(poses_[k]);
+    const std::size_t view = second.views_.size() - 1;
+    for (const Steps& kind : steps)
+      if (auto edge = view > 0 ? composed_edge(kind, before, k) : std::nullopt) {
+        edge->i = view - 1, edge->j = view;
+        second.edges_.push_back(*edge);
+      }
+    if (k == last) return second;
+  }
+}
+
+void Bundle::follow(const Bundle& second) {
+  const auto before = poses_;
+  const std::size_t last = views_.size() - 1;
+  for (std::size_t view = 0; view < second.poses_.size(); ++view)
+    poses_[std::min(2 * view, last)] = second.poses_[view];
+  for (std::size_t k = 1; k < last; k += 2) {
+    const Eigen::Isometry3d by_before = poses_[k - 1] * before[k - 1].inverse() * before[k],
+                            by_next = poses_[k + 1] * before[k + 1].inverse() * before[k];
+    poses_[k] = by_before * retract(0.5 * local_coordinates(by_before.inverse() * by_next));
+  }
+  shared_ = second.shared_, readout_sigma_ = second.readout_sigma_;
+  places_ = second.places_, offsets_ = second.offsets_, tolerance_ = second.tolerance_;
+  refresh();
 }
 
 /// Time at which a view's color camera saw a point, and the camera's pose then.
@@ -470,6 +523,10 @@ double Bundle::cost_of_edges() const {
   return sum;
 }
 
+double Bundle::cost_of(const Cost& observations) const {
+  return static_cast<double>(seen_by_.size()) / kCorrelatedObservations * observations.mean() + cost_of_edges();
+}
+
 namespace {
 
 /// Repeats the last motion of all views while its direction persists (Polyak 1964): slow modes, such as the scale of
@@ -500,7 +557,8 @@ void Bundle::adjust(bool finds_readout, Detail detail, const std::function<bool(
   if (!finds_readout) shared_.shutter.readout = 0;
   if (views_.size() < 2) return;
   const bool is_fine = detail == Detail::fine;
-  const double coarsening = std::clamp(std::sqrt(static_cast<double>(views_.size()) / kManyViews), 1.0, kMaxCoarsening);
+  const double coarsening = std::clamp(
+      std::sqrt(static_cast<double>(std::max(views_.size(), sampled_views_)) / kManyViews), 1.0, kMaxCoarsening);
   cell_ = static_cast<int>(coarsening * (is_fine ? kFineCell : detail == Detail::medium ? kMediumCell : kCoarseCell));
   max_views_ = is_fine ? kMaxFineViews : kMaxCoarseViews;
   if (is_fine) tolerance_ = kFinalTolerance;

@@ -54,6 +54,12 @@ class Bundle {
   /// Adds an odometry edge between two views. The edge is heavy-tailed, see weight_of_step().
   void add_edge(const PoseGraph::Edge& edge);
   void clear_edges() { edges_.clear(); }
+  /// Bundle of every second view and the last. The edges between successive views are composed, by kind. Surfels are
+  /// as sparse as for all views.
+  [[nodiscard]] Bundle every_second() const;
+  /// Takes over poses and shared unknowns of every_second() after its adjustment. A view between two of its views moves
+  /// with both.
+  void follow(const Bundle& second);
   /// Density of the surfels: coarse for convergence, fine for accuracy; medium for cameras, which converge slowly.
   enum class Detail { coarse, medium, fine };
   /// Adjusts all views except the first, which is fixed. The readout is 0 unless it is estimated. `goes_on` is called
@@ -72,6 +78,8 @@ class Bundle {
   /// Rig of the constructor with the estimated cameras.
   [[nodiscard]] Rig rig() const;
   [[nodiscard]] double readout_sigma() const { return readout_sigma_; }  // s, of the last step
+  [[nodiscard]] std::size_t views() const { return views_.size(); }
+  [[nodiscard]] const std::vector<PoseGraph::Edge>& edges() const { return edges_; }
   [[nodiscard]] std::size_t surfels() const { return surfels_.size(); }
   [[nodiscard]] std::size_t observations() const { return seen_by_.size(); }
   /// Covariance from the curvature of the cost with the surfels of the last round, scaled by the measured contradiction
@@ -173,6 +181,7 @@ class Bundle {
   void measure_scales();
   [[nodiscard]] Vector6d error_of(const PoseGraph::Edge& edge) const;
   [[nodiscard]] double cost_of_edges() const;
+  [[nodiscard]] double cost_of(const Cost& observations) const;
   void find_pairs();
   void linearize(std::size_t surfel, Equations& equations, Part& part) const;
   [[nodiscard]] WithNodes add_nodes(const Seen& seen, std::size_t view, Part& part) const;
@@ -180,6 +189,7 @@ class Bundle {
   void eliminate_with_nodes(std::size_t surfel, const Equations& equations, Part& part) const;
   [[nodiscard]] Equations no_equations() const;
   [[nodiscard]] Equations linearize() const;
+  [[nodiscard]] double cost(const Equations& before) const;
   [[nodiscard]] ByPlace linearize_by_places() const;
   [[nodiscard]] BundleCovariance covariance_of_views(const Solver& solver) const;
   [[nodiscard]] double variance_factor(const ByPlace& by, const Solver& solver,
@@ -195,6 +205,7 @@ class Bundle {
   std::vector<Eigen::Vector3d> rays_;    // by pixel of the rectified depth camera
   std::vector<Eigen::Vector2f> places_;  // in the camera's own image, by pixel of the rectified depth camera
   std::vector<float> offsets_;           // of the depth correction, by pixel of the rectified depth camera; empty: none
+  std::size_t sampled_views_ = 0;        // views of the bundle that every_second() was taken from; 0: none
   bool finds_readout_ = false, finds_cameras_ = false;
   Shared shared_;
   std::vector<Surfel> surfels_;

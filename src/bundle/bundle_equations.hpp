@@ -65,7 +65,7 @@ struct Bundle::Equations {
   std::vector<WithShared> with_shared;
   std::vector<WithView> with_view;
   std::vector<WithNodes> with_nodes;  // empty without a correction
-  Part reduced;
+  Part reduced = {0, 0, 0, 0};
   double cost = 0;
 };
 

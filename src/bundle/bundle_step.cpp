@@ -214,9 +214,28 @@ Bundle::Equations Bundle::linearize() const {
       linearize(s, e, parts[p]);
   });
   for (const Part& part : parts) e.reduced.add(part);
-  e.cost = static_cast<double>(seen_by_.size()) / kCorrelatedObservations * e.reduced.cost.mean() + cost_of_edges();
+  e.cost = cost_of(e.reduced.cost);
   add_priors(e);
   return e;
+}
+
+/// Cost as in linearize(), without the equations. The same nodes of the correction count as seen as in `before`.
+double Bundle::cost(const Equations& before) const {
+  const std::size_t surfels = surfels_.size();
+  std::vector<Cost> parts(shared_.correction.offsets.empty() ? kParts : kLargeParts);
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
+    Seen seen;
+    for (std::size_t s = p * surfels / parts.size(); s < (p + 1) * surfels / parts.size(); ++s)
+      for (std::uint32_t o = first_[s]; o < first_[s + 1]; ++o)
+        if (observe(surfels_[s], seen_by_[o], true, seen)) parts[p].add(*this, seen);
+  });
+  Cost sum;
+  for (const Cost& part : parts) sum.add(part);
+  const int unknowns = static_cast<int>(before.reduced.corner.cols());
+  Equations priors{.reduced = {0, 0, unknowns, 0}, .cost = cost_of(sum)};
+  priors.reduced.node_information = before.reduced.node_information;
+  add_priors(priors);
+  return priors.cost;
 }
 
 void Bundle::move_surfels(const Equations& e, const Eigen::VectorXd& pose_steps, const Eigen::VectorXd& shared_step) {
@@ -286,7 +305,7 @@ bool Bundle::move(const Equations& e, double damping) {
   return true;
 }
 
-/// Levenberg-Marquardt: a failed step is undone and repeated with more damping.
+/// Levenberg-Marquardt: a failed step is undone and repeated with more damping. After the last step the cost suffices.
 void Bundle::descend() {
   double damping = 1e-6;
   Equations now = linearize();
@@ -299,7 +318,8 @@ void Bundle::descend() {
       damping = std::max(1e-4, kDampingGrowth * damping);
       continue;
     }
-    Equations next = linearize();
+    const bool is_last = i + 1 == kMaxSteps;
+    Equations next = is_last ? Equations{.cost = cost(now)} : linearize();
     if (next.cost < now.cost) {
       now = std::move(next);
       damping = std::max(1e-7, 0.2 * damping);
@@ -308,7 +328,7 @@ void Bundle::descend() {
     }
     poses_ = poses, surfels_ = surfels, shared_ = shared, readout_sigma_ = readout_sigma;
     refresh();
-    if (i + 1 == kMaxSteps && next.cost < kMaxCostRatio * now.cost) return;
+    if (is_last && next.cost < kMaxCostRatio * now.cost) return;
     damping = std::max(1e-5, kDampingGrowth * damping);
   }
 }

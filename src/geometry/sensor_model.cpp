@@ -33,6 +33,7 @@ void check(const SensorModel& m) {
   within("floor", m.floor, 1e-5f, 0.5f);
   within("growth", m.growth, 0, 1);
   within("sharpest", m.sharpest, 0, 10);
+  within("common_error", m.common_error, 0, 10);
   within("min_depth", m.min_depth, 0.01f, 100);
   within("max_depth", m.max_depth, m.min_depth, 100);
 }

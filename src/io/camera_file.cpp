@@ -162,31 +162,44 @@ void check_frame_rate(double hertz) {
     throw std::runtime_error(fmt::format("`frame_rate` is {}, allowed: {} to {:.0f} Hz", hertz, kMinRate, kMaxRate));
 }
 
+namespace {
+
+CameraFile read_camera_node(const YAML::Node& y) {
+  CameraFile read{.rig = read_camera(y)};
+  read.has_size = y["width"] || y["height"];
+  if (y["depth_scale"]) {
+    read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
+    check_depth_scale(*read.depth_scale);
+  }
+  if (y["frame_rate"]) {
+    read.frame_rate = value_of<double>(y["frame_rate"], "frame_rate", "a number");
+    check_frame_rate(*read.frame_rate);
+  }
+  for (const char* key : {"color", "colour"})  // `colour` was written before version 0.2
+    if (y[key]) read.rig.color = read_color_camera(y[key]);
+  if (y["sensor"]) read.rig.sensor = read_sensor(y["sensor"]);
+  if (y["depth_correction"]) read.rig.depth_correction = read_depth_correction(y["depth_correction"]);
+  if (y["imu"]) read.rig.camera_from_imu = read_rotation(y["imu"]);
+  return read;
+}
+
+}  // namespace
+
 CameraFile read_camera_file(const std::filesystem::path& file) {
   const std::string name = file.string();
   try {
-    const YAML::Node y = read_yaml_file(file);
-    CameraFile read{.rig = read_camera(y)};
-    read.has_size = y["width"] || y["height"];
-    if (y["depth_scale"]) {
-      read.depth_scale = value_of<double>(y["depth_scale"], "depth_scale", "a number");
-      check_depth_scale(*read.depth_scale);
-    }
-    if (y["frame_rate"]) {
-      read.frame_rate = value_of<double>(y["frame_rate"], "frame_rate", "a number");
-      check_frame_rate(*read.frame_rate);
-    }
-    for (const char* key : {"color", "colour"})  // `colour` was written before version 0.2
-      if (y[key]) read.rig.color = read_color_camera(y[key]);
-    if (y["sensor"]) read.rig.sensor = read_sensor(y["sensor"]);
-    if (y["depth_correction"]) read.rig.depth_correction = read_depth_correction(y["depth_correction"]);
-    if (y["imu"]) read.rig.camera_from_imu = read_rotation(y["imu"]);
-    return read;
+    return read_camera_node(read_yaml_file(file));
   } catch (const YAML::Exception& error) {
     throw std::runtime_error(name + ":" + std::to_string(error.mark.line + 1) + ": " + shown(error.msg));
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(name + ": " + error.what());
   }
+}
+
+CameraFile camera_of_text(const std::string& yaml) try {
+  return read_camera_node(read_yaml_text(yaml));
+} catch (const YAML::Exception& error) {
+  throw std::runtime_error(shown(error.msg));
 }
 
 CameraFile camera_named(const std::filesystem::path& file_or_name) {

@@ -27,6 +27,8 @@ void check_frame_rate(double hertz);
 /// fields; `imu`: rotation [qx, qy, qz, qw] of camera_from_imu. Throws std::runtime_error with file and line, or file
 /// and key.
 [[nodiscard]] CameraFile read_camera_file(const std::filesystem::path& file);
+/// The same for the text of a file, YAML or JSON; errors name the key.
+[[nodiscard]] CameraFile camera_of_text(const std::string& yaml);
 /// Resolves a camera given by the user: a file for read_intrinsics() or, if no such file exists, a name from
 /// known_cameras(), then without a size. Throws std::runtime_error if neither matches.
 [[nodiscard]] CameraFile camera_named(const std::filesystem::path& file_or_name);

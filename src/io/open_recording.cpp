@@ -200,6 +200,7 @@ class RecordingSource final : public Source {
   }
   void skip() override { next_ += range_.step; }
 
+  bool has_assumed_rate() const override { return recording_.has_assumed_rate; }
   std::optional<std::string> ended_early() const override {
     return next_ < static_cast<int>(recording_.entries.size()) ? std::nullopt : recording_.ended_early;
   }
@@ -479,7 +480,10 @@ std::unique_ptr<Source> open_recording(const fs::path& folder, const SourceOptio
       if (recording.rig.color) recording.rig.color->camera.readout = recording.color_readout;
     }
   }
-  return std::make_unique<RecordingSource>(std::move(recording), options.range, options.depth_only);
+  const Trajectory by_device = recording.has_device_poses ? recording.truth : Trajectory{};
+  auto source = std::make_unique<RecordingSource>(std::move(recording), options.range, options.depth_only);
+  if (by_device.empty()) return source;
+  return with_guesses(std::move(source), by_device);
 }
 
 std::vector<Interpretation> interpretation_of(const std::string& recording, const SourceOptions& options) {

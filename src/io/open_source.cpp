@@ -17,14 +17,18 @@
 #include "io/recording.hpp"
 #include "io/recording_segment.hpp"
 #include "io/reproject_to.hpp"
+#include "io/ros/ros_recording.hpp"
 #include "io/ros/ros_source.hpp"
+#include "io/sensors/k4a.hpp"
+#include "io/sensors/network_camera.hpp"
 #include "io/sensors/openni.hpp"
+#include "io/sensors/realsense.hpp"
 #include "synth/source.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr std::string_view kSensor = "openni:";
+constexpr std::string_view kOpenNi = "openni:", kRealSense = "realsense:", kK4a = "k4a:";
 
 /// Frame range of a source that only supports sequential reading.
 class InRange final : public WrappedSource {
@@ -142,7 +146,10 @@ std::unique_ptr<Source> with_cameras(std::unique_ptr<Source> source, const std::
   return std::make_unique<WithCameras>(std::move(source), rig);
 }
 
-bool is_sensor(std::string_view name) { return name.starts_with(kSensor) && extension_of(name) != ".oni"; }
+bool is_sensor(std::string_view name) {
+  return (name.starts_with(kOpenNi) && extension_of(name) != ".oni") || name.starts_with(kRealSense) ||
+         name.starts_with(kK4a) || name.starts_with(kRos2) || is_network_camera(name);
+}
 
 bool is_synthetic(std::string_view name) { return name.starts_with(kSynthetic); }
 
@@ -177,8 +184,16 @@ std::unique_ptr<Source> open_segment(const std::string& folder, const RecordingS
 std::unique_ptr<Source> open_by_name(const std::string& name, const SourceOptions& options) {
   if (const auto segment = read_segment(name)) return open_segment(name, *segment, options);
   const std::string extension = extension_of(name);
-  if (name.starts_with(kSensor) || extension == ".oni") {
-    const std::string uri = name.starts_with(kSensor) ? name.substr(kSensor.size()) : name;
+  if (name.starts_with(kRealSense) || name.starts_with(kK4a)) {
+    auto source =
+        name.starts_with(kK4a) ? open_k4a(name.substr(kK4a.size())) : open_realsense(name.substr(kRealSense.size()));
+    return with_cameras(std::make_unique<InRange>(std::move(source), options.range), options.camera);
+  }
+  if (is_network_camera(name))
+    return with_cameras(std::make_unique<InRange>(open_network_camera(name, options.tracking), options.range),
+                        options.camera);
+  if (name.starts_with(kOpenNi) || extension == ".oni") {
+    const std::string uri = name.starts_with(kOpenNi) ? name.substr(kOpenNi.size()) : name;
     return std::make_unique<InRange>(open_openni(uri, {.camera = options.camera, .copy_to = options.copy_to}),
                                      options.range);
   }

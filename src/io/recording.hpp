@@ -47,6 +47,7 @@ struct Recording {
   bool has_image_size = true;         // false: the images' size differs from the rig's
   bool has_depth_scale = true;        // false: infer_depth_format() estimates depth_scale
   double frame_rate = 0;              // Hz, used by the reader to convert frame numbers to times; 0: times are recorded
+  bool has_assumed_rate = false;      // frame_rate is neither recorded nor given
   std::vector<Interpretation> interpretations;
   std::vector<std::string> warnings, notes;  // found in the folder, a line each
   bool has_color_camera = true;    // false: no color camera defined by the layout, and color is not registered to depth

@@ -2,6 +2,8 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "loop_closing/match.hpp"
 
+#include "geometry/readout.hpp"
+
 namespace cairn {
 namespace {
 

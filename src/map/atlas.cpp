@@ -74,7 +74,9 @@ PoseGraph Atlas::graph(std::size_t keyframe_count, std::size_t loop_count) const
     const Keyframe& keyframe = keyframes[k];
     if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0)
       graph.gravity.push_back({.node = k, .up = at_rest->normalized(), .sigma = kAccelerometerSigma});
-    if (keyframe.follows) graph.edges.push_back(odometry_edge(k));
+    if (!keyframe.follows) continue;
+    if (const auto by_device = device_edge(k)) graph.edges.push_back(*by_device);
+    graph.edges.push_back(odometry_edge(k));
   }
   for (std::size_t k = 0; k < loop_count; ++k) graph.edges.push_back(loops[k].edge);
   return graph;
@@ -94,9 +96,22 @@ PoseGraph::Edge Atlas::odometry_edge(std::size_t keyframe) const {
           .information = inflate_information(after.information)};
 }
 
+std::optional<PoseGraph::Edge> Atlas::device_edge(std::size_t keyframe) const {
+  const Keyframe &before = keyframes[keyframe - 1], &after = keyframes[keyframe];
+  const bool is_adjusted = keyframe < steps.size() && !steps[keyframe].information.isZero();
+  if (is_adjusted || !after.device_drift || !before.device_pose || !after.device_pose) return std::nullopt;
+  const Eigen::Isometry3d motion = before.device_pose->inverse() * *after.device_pose;
+  return PoseGraph::Edge{.i = keyframe - 1,
+                         .j = keyframe,
+                         .i_from_j = motion,
+                         .information = device_covariance(*after.device_drift, motion).inverse(),
+                         .heavy_tailed = true};
+}
+
 std::vector<double> Atlas::edge_weights() const {
-  const auto tracked = std::count_if(keyframes.begin(), keyframes.end(), [](const Keyframe& k) { return k.follows; });
-  std::vector<double> weights(static_cast<std::size_t>(tracked), 1.0);
+  std::vector<double> weights;
+  for (std::size_t k = 0; k < keyframes.size(); ++k)
+    if (keyframes[k].follows) weights.resize(weights.size() + (device_edge(k) ? 2 : 1), 1.0);
   for (const Loop& loop : loops) weights.push_back(loop.inlier ? 1.0 : 0.0);
   return weights;
 }

@@ -84,6 +84,8 @@ struct Atlas {
  private:
   /// Odometry edge from the preceding keyframe to a keyframe that follows it.
   [[nodiscard]] PoseGraph::Edge odometry_edge(std::size_t keyframe) const;
+  /// The same motion by the device's own tracking. None if it is no measurement, or if the adjusted step contains it.
+  [[nodiscard]] std::optional<PoseGraph::Edge> device_edge(std::size_t keyframe) const;
   [[nodiscard]] GravityEvidence gravity_evidence() const;
   [[nodiscard]] std::optional<FrozenGravity> frozen_or_estimated(const GravityEvidence& evidence) const;
 };

@@ -14,6 +14,7 @@
 
 #include "cairn/mapping/frame.hpp"
 #include "cairn/mapping/pose.hpp"
+#include "geometry/device_drift.hpp"
 #include "gravity/structure.hpp"
 #include "map/numbered_files.hpp"
 #include "place/features.hpp"
@@ -30,8 +31,10 @@ struct Keyframe {
   bool follows = false;  // true if tracked continuously from the preceding keyframe; false for the first of a component
   Eigen::Isometry3d odometry_from_camera = Eigen::Isometry3d::Identity();  // as tracked
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();    // as fused; differs after re-integration
-  Matrix6d information = Matrix6d::Zero();      // of odometry_from_camera, in the camera's frame; 1/rad^2, 1/m^2
-  std::optional<Eigen::Vector3d> acceleration;  // see Frame
+  Matrix6d information = Matrix6d::Zero();       // of odometry_from_camera, in the camera's frame; 1/rad^2, 1/m^2
+  std::optional<Eigen::Vector3d> acceleration;   // see Frame
+  std::optional<Eigen::Isometry3d> device_pose;  // Frame::guess, in the device's own world
+  std::optional<DeviceDrift> device_drift;       // none: device_pose is no measurement
   /// Accelerations of the frames since, in this keyframe's camera frame, m/s^2: sum of the vectors, and sum of their
   /// norms.
   Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();

@@ -12,15 +12,16 @@
 #include <stdexcept>
 
 #include "bundle/bundle.hpp"
+#include "geometry/readout.hpp"
 #include "geometry/velocity.hpp"
 #include "mapper/refine.hpp"
-#include "preprocess/rectify.hpp"
 
 namespace cairn {
 namespace {
 
 // Seconds; standard deviations: smallest readout worth a second adjustment.
 constexpr double kMinReadout = 0.001, kMinReadoutSigmas = 4;
+constexpr double kMaxReadoutSigma = 0.0015;  // s; max. standard deviation of a usable readout
 // Min. reduction of the held-out surfels' error, as a share of it:
 constexpr double kMinErrorReduction = 0.003;             // by a readout
 constexpr double kMinCorrectionErrorReduction = 0.01;    // by a depth correction
@@ -29,7 +30,10 @@ constexpr int kEarlyRounds = 2;
 constexpr int kMinKeyframes = 8;       // fewer are too few to estimate a depth correction
 constexpr double kUnknownSigma = 0.1;  // m; sigma of a surfel without observations
 constexpr std::size_t kReadAhead = 4;  // keyframes
-constexpr int kTypicalRounds = 30;     // typical number over all bundles, for the progress
+// Views from which every second view is adjusted first, and the views between follow: coarse rounds of 267 views in
+// 12.4 instead of 33.7 s of CPU, ATE 0.127 instead of 0.124 cm.
+constexpr std::size_t kMinHalvedViews = 120;
+constexpr int kTypicalRounds = 30;  // typical number over all bundles, for the progress
 
 /// Counts the rounds of consecutive bundle adjustments and reports them as one progress.
 struct Rounds {
@@ -166,7 +170,13 @@ AdjustReport adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Adju
   Rounds rounds{.progress = progress};
   const bool finds_correction =
       parameters == AdjustedParameters::readout_and_depth && adjusted.keyframes >= kMinKeyframes;
-  adjust_coarsely(bundle, !is_rolling(rig), finds_correction, adjusted, rounds);
+  if (bundle.views() < kMinHalvedViews) {
+    adjust_coarsely(bundle, !is_rolling(rig), finds_correction, adjusted, rounds);
+  } else {
+    Bundle second = bundle.every_second();
+    adjust_coarsely(second, !is_rolling(rig), finds_correction, adjusted, rounds);
+    bundle.follow(second);
+  }
   if (!rounds.is_stopped) bundle.adjust(adjusted.has_readout, Bundle::Detail::fine, std::ref(rounds));
   adjusted.correction = bundle.correction();
   if (adjusted.has_readout) adjusted.readout = bundle.shutter().readout;
@@ -177,6 +187,16 @@ AdjustReport adjust(BackEnd& back_end, const Rig& rig, double clock_offset, Adju
     atlas.world_from_camera[keyframes[view]] = bundle.world_from_view()[view];
   update_uncertainty(bundle, atlas, keyframes, adjusted);
   return adjusted;
+}
+
+bool is_readout_precise(const AdjustReport& adjusted) {
+  return adjusted.readout_sigma > 0 && adjusted.readout_sigma < kMaxReadoutSigma;
+}
+
+double usable_readout(const AdjustReport& adjusted) {
+  const bool is_usable = adjusted.keyframes >= kMinKeyframes && adjusted.has_readout && is_readout_precise(adjusted) &&
+                         adjusted.readout >= kMinReadout && adjusted.readout <= kMaxReadout;
+  return is_usable ? adjusted.readout : 0;
 }
 
 namespace {

@@ -19,6 +19,12 @@ enum class AdjustedParameters { readout_and_depth, readout };
 [[nodiscard]] AdjustReport adjust(BackEnd& back_end, const Rig& rig, double clock_offset, AdjustedParameters parameters,
                                   const ProgressCallback& progress = {});
 
+inline constexpr double kMaxReadout = 0.1;  // s; no camera is slower
+/// True if the camera turned fast enough to estimate a readout.
+[[nodiscard]] bool is_readout_precise(const AdjustReport& adjusted);
+/// Readout for the cameras, seconds; 0 unless it is precise, positive, and confirmed by held-out surfels.
+[[nodiscard]] double usable_readout(const AdjustReport& adjusted);
+
 /// Camera parameters estimated from keyframes.
 struct AdjustedCameras {
   static constexpr double kMinErrorReduction = 0.01;  // min. error_reduction to accept the cameras

@@ -45,7 +45,8 @@ BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, co
 }
 
 bool BackEnd::add(const Frame& frame, const FramePyramid& live, const Eigen::Isometry3d& submap_from_camera,
-                  const Matrix6d* information, Volume& volume, std::uint32_t fused_count) {
+                  const Matrix6d* information, const std::optional<DeviceDrift>& drift, Volume& volume,
+                  std::uint32_t fused_count) {
   const bool starts_component = std::exchange(starts_component_, false);
   const bool is_keyframe =
       starts_component || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
@@ -69,6 +70,8 @@ bool BackEnd::add(const Frame& frame, const FramePyramid& live, const Eigen::Iso
                 .submap_from_camera = submap_from_camera,
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
                 .acceleration = frame.acceleration,
+                .device_pose = frame.guess,
+                .device_drift = drift,
                 .structure = structure_.find(live.images().depth)});
     drift_.update(atlas_.keyframes);
     database_.add(submap_from_camera, features);

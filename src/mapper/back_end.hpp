@@ -28,9 +28,11 @@ class BackEnd {
 
   /// Adds a fused frame. The frame may become a keyframe, with a concurrent loop closure search among all earlier
   /// keyframes, and may end its submap. `information`: of its alignment with the map, in its own frame; null for the
-  /// first frame of a component. `fused_count`: number of fused frames. Returns true if the frame became a keyframe.
+  /// first frame of a component. `drift`: of the frame's device pose, if it is a measurement. `fused_count`: number of
+  /// fused frames. Returns true if the frame became a keyframe.
   bool add(const Frame& frame, const FramePyramid& live, const Eigen::Isometry3d& submap_from_camera,
-           const Matrix6d* information, Volume& volume, std::uint32_t fused_count);
+           const Matrix6d* information, const std::optional<DeviceDrift>& drift, Volume& volume,
+           std::uint32_t fused_count);
   /// Adds the pose of a held-out frame to the trajectory only. Returns false if no component has started yet.
   [[nodiscard]] bool hold_out(double timestamp, const Eigen::Isometry3d& submap_from_camera);
   /// Ends the active submap. `keep`: voxels near the camera stay in the volume for the next submap.
@@ -44,6 +46,10 @@ class BackEnd {
   /// on. All become one submap, the active one, and keyframes take these poses. The correction is applied to the
   /// keyframes' stored depth.
   void rebase(std::uint32_t since, const Trajectory& poses, const DepthCorrection& correction);
+  /// Replaces the stored images of a keyframe; its features stay.
+  void replace_images(std::size_t keyframe, const Frame& images) {
+    images_.put(keyframe, images, *images_.features(keyframe));
+  }
   /// Waits until keyframes and ended submaps are in their files. Returns the reason if some could not be written.
   [[nodiscard]] std::optional<std::string> store();
 

@@ -6,12 +6,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "cairn/mapping/mapper.hpp"
+#include "geometry/readout.hpp"
 #include "mapper/access.hpp"
 #include "mapper/adjust.hpp"
 #include "mapper/map_state.hpp"
-#include "preprocess/rectify.hpp"
 
 namespace cairn {
 namespace {
@@ -19,19 +20,12 @@ namespace {
 constexpr int kMaxPasses = 3;  // for a readout
 constexpr int kDepthPasses = 2;
 constexpr double kConvergedReadout = 0.001;  // s; convergence of the readout between passes
-constexpr double kMaxReadout = 0.1;          // s; no camera is slower
-constexpr double kMaxReadoutSigma = 0.0015;  // s; max. standard deviation of a usable readout
 constexpr int kMinKeyframes = 8;
 constexpr double kMaxFocalLengthChange = 0.01;  // relative difference of focal length between the halves
 constexpr float kVoxelSize = 0.02f;             // m; this map is not exported
 
 std::string moved_too_little(int keyframes) {
   return fmt::format("the camera moved too little: {} keyframes, {} are needed", keyframes, kMinKeyframes);
-}
-
-void set_readout(Rig& rig, double readout) {
-  rig.depth.readout = readout;
-  if (rig.color) rig.color->camera.readout = readout;
 }
 
 Mapper track(Source& source, const Rig& rig, const std::function<void()>& step) {
@@ -70,8 +64,7 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
   }
   double readout = 0;
   for (int pass = 0; pass < kMaxPasses; ++pass) {
-    Rig rig = found.rig;
-    set_readout(rig, readout);
+    const Rig rig = with_readout(found.rig, readout);
     if (pass > 0) source = open();
     Mapper mapper = track(*source, rig, step);
     const AdjustReport adjusted = adjust_readout(mapper);
@@ -81,7 +74,7 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
       found.error_reduction = adjusted.error_reduction;
       if (adjusted.keyframes < kMinKeyframes)
         found.failure_reason = moved_too_little(adjusted.keyframes);
-      else if (!(adjusted.readout_sigma > 0 && adjusted.readout_sigma < kMaxReadoutSigma))
+      else if (!is_readout_precise(adjusted))
         found.failure_reason = "the camera turned too slowly to estimate the readout time";
       else if (!adjusted.has_readout || adjusted.readout < 0)
         found.failure_reason = "held-out measurements show no rolling shutter";
@@ -91,7 +84,7 @@ FoundShutter find_shutter(const std::function<std::unique_ptr<Source>()>& open, 
     if (std::abs(adjusted.readout) < kConvergedReadout) break;
   }
   found.readout = readout;
-  set_readout(found.rig, readout);
+  found.rig = with_readout(std::move(found.rig), readout);
   return found;
 }
 
@@ -112,8 +105,7 @@ FoundCalibration find_calibration(const std::function<std::unique_ptr<Source>()>
     found.failure_reason = focal_length_problem(s);
   if (!found.failure_reason.empty()) return found;
   const double readout = std::clamp(found.rig.depth.readout + adjusted.readout, 0.0, kMaxReadout);
-  found.rig = adjusted.rig;
-  set_readout(found.rig, readout < kConvergedReadout ? 0 : readout);
+  found.rig = with_readout(adjusted.rig, readout < kConvergedReadout ? 0 : readout);
   found.clock_offset = adjusted.clock_offset;
   found.readout_sigma = adjusted.readout_sigma;
   return found;

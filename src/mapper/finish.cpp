@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "cairn/mapping/mapper.hpp"
+#include "mapper/adjust.hpp"
 #include "mapper/map_state.hpp"
 #include "mapper/second_pass.hpp"
 
@@ -72,8 +73,10 @@ FinishReport Mapper::finish(const FinishOptions& options) {
     const auto progress = [&, goes_on_at = progress_of(FinishStage::reintegrate)](int frames) {
       return goes_on_at(count > 0 ? std::min(1.0, static_cast<double>(frames) / count) : 0.0);
     };
+    const AddedCalibration added{.correction = report.adjusted->correction,
+                                 .readout = usable_readout(*report.adjusted)};
     SecondPassResult result = cairn::reintegrate(s, *options.reintegrate,
-                                                 {.correction = report.adjusted->correction,
+                                                 {.added = added,
                                                   .max_interpolated = options.max_interpolated,
                                                   .keeps_held_out = options.fuses_held_out,
                                                   .before = report.error_before ? &*report.error_before : nullptr},

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/velocity.hpp"
 #include "shaders/voxel.h"
 
 namespace cairn {
@@ -90,7 +91,18 @@ double brightness_of(std::uint64_t voxel) {
   return ((color & 255) + 2 * (color >> 8 & 255) + (color >> 16 & 255)) / 4.0;
 }
 
-Sums compare(const FrameSample& sample, const Camera& grid, const Eigen::Isometry3d& world_from_camera,
+/// Pose of the camera at the time of each row.
+std::vector<Eigen::Isometry3d> poses_of_rows(Camera grid, double readout, const Eigen::Isometry3d& world_from_camera,
+                                             const Vector6d& velocity) {
+  std::vector<Eigen::Isometry3d> poses(static_cast<std::size_t>(grid.height), world_from_camera);
+  grid.readout = readout;
+  if (readout > 0)
+    for (std::size_t y = 0; y < poses.size(); ++y)
+      poses[y] = world_from_camera * retract(velocity * grid.row_delay(static_cast<double>(y)));
+  return poses;
+}
+
+Sums compare(const FrameSample& sample, const Camera& grid, const std::vector<Eigen::Isometry3d>& world_from_row,
              const DepthCorrection& correction, const BrickTree& map, const FuseOptions& options) {
   Sums sums;
   VoxelReader voxels(map, options);
@@ -101,6 +113,7 @@ Sums compare(const FrameSample& sample, const Camera& grid, const Eigen::Isometr
   for (std::size_t i = 0; i < depth.size(); ++i) {
     if (!(depth[i] > 0)) continue;
     const int x = static_cast<int>(i) % grid.width, y = static_cast<int>(i) / grid.width;
+    const Eigen::Isometry3d& world_from_camera = world_from_row[static_cast<std::size_t>(y)];
     const Eigen::Vector3d ray = static_cast<double>(depth[i]) * grid.ray(x, y);
     const Eigen::Vector3d point = world_from_camera * ray;
     ++sums.points;
@@ -126,16 +139,19 @@ void HeldOutFrames::add(double timestamp, const FramePyramid& seen, const Surfac
 }
 
 std::optional<HeldOutError> HeldOutFrames::compare(const BrickTree& map, const FuseOptions& options,
-                                                   const DepthCorrection& correction, const Trajectory& poses) const {
+                                                   const AddedCalibration& added, const Trajectory& poses) const {
   std::vector<const FrameSample*> samples;
-  std::vector<Eigen::Isometry3d> world_from_camera;
+  std::vector<std::vector<Eigen::Isometry3d>> world_from_row;
   for (const FrameSample* sample : samples_.all())
-    if (const auto pose = pose_at(poses, sample->timestamp, 0))
-      samples.push_back(sample), world_from_camera.push_back(*pose);
+    if (const auto pose = pose_at(poses, sample->timestamp, 0)) {
+      samples.push_back(sample);
+      world_from_row.push_back(
+          poses_of_rows(samples_.camera(), added.readout, *pose, velocity_at(poses, sample->timestamp)));
+    }
   if (samples.size() < kMinFrames) return std::nullopt;
   std::vector<Sums> all(samples.size());
   tbb::parallel_for(std::size_t{0}, samples.size(), [&](std::size_t i) {
-    all[i] = cairn::compare(*samples[i], samples_.camera(), world_from_camera[i], correction, map, options);
+    all[i] = cairn::compare(*samples[i], samples_.camera(), world_from_row[i], added.correction, map, options);
   });
   Sums sums;
   for (const Sums& of_frame : all) sums.add(of_frame);

@@ -11,16 +11,22 @@
 
 namespace cairn {
 
+/// Calibration found from a recording, in addition to its rig's.
+struct AddedCalibration {
+  DepthCorrection correction;  // empty: none
+  double readout = 0;          // s, of both cameras of a rig without a readout
+};
+
 /// Even sample of a run's held-out frames.
 class HeldOutFrames {
  public:
   explicit HeldOutFrames(const Rig& rig) : samples_(rig) {}
   void add(double timestamp, const FramePyramid& seen, const SurfaceOptions& options);
   [[nodiscard]] bool empty() const { return samples_.all().empty(); }
-  /// Compares the map with the frames at these poses (world_from_camera). `correction`: of depth, in addition to the
+  /// Compares the map with the frames at these poses (world_from_camera). `added`: calibration in addition to the
   /// rig's at add(). Returns nullopt if fewer than four frames have a pose.
   [[nodiscard]] std::optional<HeldOutError> compare(const BrickTree& map, const FuseOptions& options,
-                                                    const DepthCorrection& correction, const Trajectory& poses) const;
+                                                    const AddedCalibration& added, const Trajectory& poses) const;
 
  private:
   FrameSamples samples_;

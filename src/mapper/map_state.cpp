@@ -36,16 +36,16 @@ MapState::MapState(const Rig& r, const Options& o, Poses kind, int device_index,
       rig(r),
       files(std::move(f)),
       device(device_index),
-      preprocessor(device, r, o.surface, o.track.levels, o.track.finest_level),
-      integrator(device, preprocessor.camera(), o.surface, r.sensor, free_radius(o.fuse, o.esdf)),
+      preprocessor(std::in_place, device, r, o.surface, o.track.levels, o.track.finest_level),
+      integrator(device, preprocessor->camera(), o.surface, r.sensor, free_radius(o.fuse, o.esdf)),
       polygonizer(device),
       volume(device, o.fuse, o.surface.max_depth),
       back_end(device, r, o, files.folder, files.access, files.source_maps),
-      tracker(device, r, preprocessor.camera(), o, back_end.keyframes(), back_end.images()),
+      tracker(device, r, preprocessor->camera(), o, back_end.keyframes(), back_end.images()),
       held_out(r),
       poses(kind == Poses::tracked
-                ? PoseSource(std::in_place_type<TrackedPoses>, rig, preprocessor, volume, back_end, tracker, repeats)
-                : PoseSource(std::in_place_type<GivenPoses>, rig, options, preprocessor, back_end)) {}
+                ? PoseSource(std::in_place_type<TrackedPoses>, rig, *preprocessor, volume, back_end, tracker, repeats)
+                : PoseSource(std::in_place_type<GivenPoses>, rig, options, *preprocessor, back_end)) {}
 
 CheckedFrame MapState::check(const Frame& frame) {
   CheckedFrame checked(frame, rig, last_fused);
@@ -138,6 +138,13 @@ void MapState::update_esdf(const IntegrationResult& fused, StageTimes& times) {
   if (options.esdf.live) return;
   esdf.reset();
   live_distances.put({});
+}
+
+void MapState::set_rig(const Rig& calibrated) {
+  const bool has_new_shutter = !calibrated.has_same_cameras(rig);
+  rig = calibrated;
+  if (has_new_shutter)
+    preprocessor.emplace(device, rig, options.surface, options.track.levels, options.track.finest_level);
 }
 
 void MapState::end_map() {

@@ -57,6 +57,8 @@ struct MapState {
   /// Compares the map with the held-out frames. Returns nullopt if they are too few.
   [[nodiscard]] std::optional<HeldOutError> held_out_error();
 
+  /// Replaces the rig by one that differs in readout and depth correction.
+  void set_rig(const Rig& calibrated);
   /// Moves the whole map into submaps.
   void end_map();
   /// Volume of the whole map.
@@ -78,7 +80,7 @@ struct MapState {
   Rig rig;
   MapFiles files;
   gpu::Device device;
-  Preprocessor preprocessor;
+  std::optional<Preprocessor> preprocessor;  // emplaced again by set_rig(), at the same address
   Integrator integrator;
   Polygonizer polygonizer;
   Volume volume;

@@ -136,7 +136,7 @@ AdjustReport Mapper::adjust(const std::function<bool(double)>& progress) {
 }
 
 void Mapper::reintegrate(Source& source, const DepthCorrection& correction, const std::function<bool(int)>& progress) {
-  (void)cairn::reintegrate(*state_, source, {.correction = correction}, progress);
+  (void)cairn::reintegrate(*state_, source, {.added = {.correction = correction}}, progress);
 }
 
 std::shared_ptr<const DistanceField> Mapper::live_distances() const { return state_->live_distances.get(); }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "geometry/readout.hpp"
 #include "mapper/tracking_criteria.hpp"
 #include "preprocess/rectify.hpp"
 
@@ -51,7 +52,8 @@ void TrackedPoses::commit(const Frame& frame, const FramePyramid& live, const Tr
                           std::uint32_t fused_count, StageTimes& times) {
   tracker_.commit(frame, live, tracked);
   const bool is_keyframe = timed(times, "keyframe", [&] {
-    return back_end_.add(frame, live, tracked.submap_from_camera, tracked.information(), volume_, fused_count);
+    return back_end_.add(frame, live, tracked.submap_from_camera, tracked.information(), tracker_.device_drift(),
+                         volume_, fused_count);
   });
   if (is_keyframe)
     back_end_.warnings().attempt("the focal length is not checked", [&] { tracker_.add_focal_evidence(); });

@@ -12,8 +12,10 @@
 #include "alignment/align.hpp"
 #include "cairn/mapping/frame.hpp"
 #include "cairn/mapping/trajectory.hpp"
+#include "geometry/readout.hpp"
 #include "geometry/velocity.hpp"
 #include "graph/inflate_information.hpp"
+#include "mapper/adjust.hpp"
 #include "mapper/back_end.hpp"
 #include "mapper/refine.hpp"
 #include "mapper/tracking_criteria.hpp"
@@ -54,9 +56,9 @@ bool is_before(const StampedPose& pose, double timestamp) { return pose.timestam
 /// Second pass over tracked poses.
 class SecondPass {
  public:
-  /// `rectified`: camera of the surfaces. `correction`: of the keyframes' depth.
+  /// `rectified`: camera of the surfaces. `added`: to the calibration of the stored keyframes.
   SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options, BackEnd& back_end,
-             const DepthCorrection& correction, double clock_offset);
+             const AddedCalibration& added, double clock_offset);
 
   /// Fuses the keyframes at their adjusted poses. `check_canceled` is called before each, and may throw.
   void fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
@@ -77,9 +79,12 @@ class SecondPass {
   /// Poses of all frames of the main component, updated by track() and interpolate().
   [[nodiscard]] const Trajectory& poses() const { return poses_; }
   /// Stores these poses, see BackEnd::rebase.
-  void rebase(std::uint32_t since) { back_end_.rebase(since, poses_, correction_); }
+  void rebase(std::uint32_t since);
 
  private:
+  [[nodiscard]] Frame stored_keyframe(std::size_t keyframe) const;
+  /// Corrects the images of a keyframe for an added readout.
+  [[nodiscard]] Frame without_shutter(const Frame& frame, std::size_t keyframe);
   [[nodiscard]] std::optional<std::size_t> index_of(double timestamp) const;
   [[nodiscard]] Vector6d correction_of(std::size_t frame) const {
     return local_coordinates(adjusted_[frame].world_from_camera.inverse() * poses_[frame].world_from_camera);
@@ -87,6 +92,7 @@ class SecondPass {
 
   BackEnd& back_end_;
   DepthCorrection correction_;
+  std::optional<GlobalShutter> global_shutter_;  // for an added readout
   double clock_offset_;
   std::vector<std::size_t> keyframes_;            // of the main component
   Trajectory adjusted_, poses_;                   // before and after tracking
@@ -100,9 +106,9 @@ class SecondPass {
 };
 
 SecondPass::SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectified, const Options& options,
-                       BackEnd& back_end, const DepthCorrection& correction, double clock_offset)
+                       BackEnd& back_end, const AddedCalibration& added, double clock_offset)
     : back_end_(back_end),
-      correction_(correction),
+      correction_(added.correction),
       clock_offset_(clock_offset),
       keyframes_(back_end.atlas().main_keyframes()),
       adjusted_(back_end.atlas().trajectory(back_end.atlas().main_component(), 0, back_end.atlas().frames.size())),
@@ -111,16 +117,35 @@ SecondPass::SecondPass(gpu::Device& device, const Rig& rig, const Camera& rectif
                     options.track.finest_level),
       raycaster_(device, rectified, options.surface, options.track.levels, options.track.finest_level),
       aligner_(device, options.track, rig.sensor),
-      reference_(device, rectified, options.track) {}
+      reference_(device, rectified, options.track) {
+  if (added.readout > 0) global_shutter_.emplace(device, rig);
+}
+
+Frame SecondPass::stored_keyframe(std::size_t keyframe) const {
+  Frame frame = back_end_.images().get(keyframe);
+  frame.color_delay = back_end_.atlas().keyframes[keyframe].color_delay;
+  return frame;
+}
+
+Frame SecondPass::without_shutter(const Frame& frame, std::size_t keyframe) {
+  return global_shutter_ ? (*global_shutter_)(frame, motion(back_end_.atlas().keyframes[keyframe].timestamp)) : frame;
+}
+
+void SecondPass::rebase(std::uint32_t since) {
+  back_end_.rebase(since, poses_, correction_);
+  if (!global_shutter_) return;
+  for (std::size_t k = 0; k < back_end_.atlas().keyframes.size(); ++k)
+    back_end_.replace_images(k, without_shutter(stored_keyframe(k), k));
+}
 
 void SecondPass::fuse_keyframes(Integrator& integrator, Volume& volume, std::uint32_t& fused_count,
                                 const std::function<void()>& check_canceled) {
   const Atlas& atlas = back_end_.atlas();
   for (const std::size_t k : keyframes_) {
     check_canceled();
-    Frame frame = back_end_.images().get(k);
-    frame.color_delay = atlas.keyframes[k].color_delay;
+    Frame frame = stored_keyframe(k);
     correction_.apply(back_end_.camera().width, back_end_.camera().height, frame.depth);
+    frame = without_shutter(frame, k);
     const FramePyramid seen = preprocessor_.preprocess(frame);
     seen.register_color_to_depth();
     (void)integrator.integrate(seen, atlas.world_from_camera[k], volume, ++fused_count, 1);
@@ -255,7 +280,7 @@ class PassFrames {
 
  private:
   [[nodiscard]] FramePyramid preprocess(const Frame& frame) {
-    return s_.preprocessor.preprocess(frame, pass_.motion(frame.timestamp));
+    return s_.preprocessor->preprocess(frame, pass_.motion(frame.timestamp));
   }
   void track(const Frame& frame) {
     const FramePyramid seen = preprocess(frame);
@@ -272,7 +297,7 @@ class PassFrames {
       const Frame& frame = waiting_[i];
       const Eigen::Isometry3d pose = pass_.interpolate(frame.timestamp);
       if (i % 2 == 0)
-        fuse(s_.preprocessor.preprocess_for_fusion(frame, pass_.motion(frame.timestamp)), pose,
+        fuse(s_.preprocessor->preprocess_for_fusion(frame, pass_.motion(frame.timestamp)), pose,
              Integrator::kCarvingInterval);
     }
     waiting_.clear();
@@ -294,7 +319,7 @@ class PassFrames {
 [[nodiscard]] bool is_accepted(MapState& s, const Trajectory& poses, const SecondPassOptions& options,
                                SecondPassResult& result) {
   if (options.before == nullptr) return true;
-  result.error = s.held_out.compare(s.volume.on_host(), s.options.fuse, options.correction, poses);
+  result.error = s.held_out.compare(s.volume.on_host(), s.options.fuse, options.added, poses);
   return !result.error || is_confirmed(*options.before, *result.error);
 }
 
@@ -302,7 +327,7 @@ class PassFrames {
 bool fuse_again(MapState& s, const TrackedPoses&, CountedFrames& frames, const SecondPassOptions& options,
                 SecondPassResult& result) {
   const std::uint32_t since = s.fused_count + 1;
-  SecondPass pass(s.device, s.rig, s.preprocessor.camera(), s.options, s.back_end, options.correction,
+  SecondPass pass(s.device, s.rig, s.preprocessor->camera(), s.options, s.back_end, options.added,
                   s.tracker.clock_offset());
   pass.fuse_keyframes(s.integrator, s.volume, s.fused_count, [&] { frames.check_canceled(); });
   PassFrames all(s, pass, options);
@@ -320,6 +345,15 @@ bool fuse_again(MapState& s, const GivenPoses& given, CountedFrames& frames, con
   return true;
 }
 
+Rig with_calibration(Rig rig, const AddedCalibration& added) {
+  check(added.correction);
+  if (added.readout > 0 && is_rolling(rig)) throw std::runtime_error("the cameras already have a readout");
+  if (added.readout > 0) rig = with_readout(std::move(rig), added.readout);
+  rig.depth_correction = rig.depth_correction.compose(added.correction);
+  check(rig);
+  return rig;
+}
+
 }  // namespace
 
 SecondPassResult reintegrate(MapState& s, Source& source, const SecondPassOptions& options,
@@ -328,19 +362,18 @@ SecondPassResult reintegrate(MapState& s, Source& source, const SecondPassOption
   s.cached_volume.reset();
   const Volume::SavedState saved_volume = s.volume.save();
   BrickTree before = s.volume.on_host().copy();
-  const DepthCorrection known = s.rig.depth_correction;
+  const Rig known = s.rig;
   SecondPassResult result;
   const bool is_done = s.warnings().attempt("frames are not re-integrated", [&] {
     if (s.recordings() > 1) throw std::runtime_error("the map has several recordings");
-    check(options.correction);
+    s.set_rig(with_calibration(known, options.added));
     s.volume.adopt({});
-    s.rig.depth_correction = s.rig.depth_correction.compose(options.correction);
     CountedFrames frames{source, progress};
     result.is_replaced =
         std::visit([&](const auto& poses) { return fuse_again(s, poses, frames, options, result); }, s.poses);
   });
   if (is_done && result.is_replaced) return result;
-  s.rig.depth_correction = known;
+  s.set_rig(known);
   s.volume.restore(std::move(before), saved_volume);
   return {.error = result.error, .held_out = std::move(result.held_out)};
 }
@@ -353,7 +386,7 @@ void fuse_held_out(MapState& s, const std::vector<Frame>& frames) {
     const Frame& frame = checked.frame();
     const auto pose = pose_at(poses, frame.timestamp, 0);
     if (!pose) continue;
-    const FramePyramid seen = s.preprocessor.preprocess(frame, at_velocity(velocity_at(poses, frame.timestamp)));
+    const FramePyramid seen = s.preprocessor->preprocess(frame, at_velocity(velocity_at(poses, frame.timestamp)));
     seen.register_color_to_depth();
     (void)s.integrator.integrate(seen, *pose, s.volume, ++s.fused_count);
   }

@@ -7,12 +7,13 @@
 #include <optional>
 #include <vector>
 
+#include "mapper/held_out_frames.hpp"
 #include "mapper/map_state.hpp"
 
 namespace cairn {
 
 struct SecondPassOptions {
-  DepthCorrection correction;  // of depth, in addition to the rig's
+  AddedCalibration added;
   /// Maximum number of frames between two tracked frames, at small view changes: their poses are interpolated, and
   /// every second of them is fused.
   int max_interpolated = 0;

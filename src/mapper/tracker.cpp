@@ -9,6 +9,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "geometry/readout.hpp"
 #include "mapper/frame_features.hpp"
 #include "mapper/tracking_criteria.hpp"
 #include "shaders/noise.h"
@@ -27,12 +28,16 @@ constexpr std::size_t kMaxRecentKeyframes = 4, kMaxSimilarKeyframes = 6, kMaxOth
 constexpr double kMaxMoving = 0.3;       // share of the image
 constexpr int kAllUnobserved = 6;        // unobserved directions of a pose without alignment
 constexpr double kMaxGyroSeconds = 0.3;  // max. seconds of tracking by gyroscope alone
+// SensorModel::common_error from which a device is trusted before a comparison: alignments would bend the young map.
+constexpr float kUncertainSensor = 1;
+constexpr double kMaxDeviceSeconds = 3;  // max. seconds of tracking by device poses alone
 // Rad, m: sigma of a pose by gyroscope alone.
 constexpr double kGyroRotationSigma = 0.005, kGyroTranslationSigma = 0.02;
 // Factor on a velocity that was itself weakly observed: hand motion reverses.
 constexpr double kWeakVelocityFactor = 0.8;
 constexpr int kMinGuesses = 5;                   // min. number to trust given guesses
 constexpr double kMaxGuessError = 0.03;          // rad and m summed: max. error of a good guess from frame to frame
+constexpr double kMotionFactors[] = {2, 0.5};    // on a wide predicted motion: a turn begins and ends within few frames
 constexpr double kMaxExtrapolation = 0.5;        // max. seconds to extrapolate a velocity
 constexpr double kMinComponentDepthShare = 0.2;  // share of the image with depth, to start a component
 constexpr double kMinMapDepthShare = 0.02;  // share of the image with depth, to start the map; the alignment's minimum
@@ -92,13 +97,14 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
 /// the motion model; else from the motion model.
 Eigen::Isometry3d Tracker::predict(const Frame& frame) const {
   const auto guessed = predict_by_guess(frame);
-  const bool is_good = state_.guesses >= kMinGuesses && state_.guess_error < kMaxGuessError &&
-                       (state_.lost_frames > 0 || state_.guess_error <= state_.motion_error);
+  const bool is_good = (state_.device.is_known() && device_drift()) ||
+                       (state_.guesses >= kMinGuesses && state_.guess_error < kMaxGuessError &&
+                        (state_.lost_frames > 0 || state_.guess_error <= state_.motion_error));
   return guessed && is_good ? *guessed : predict_by_motion(frame.timestamp);
 }
 
 std::optional<Eigen::Isometry3d> Tracker::predict_by_guess(const Frame& frame) const {
-  if (!frame.guess || !state_.last_guess) return std::nullopt;
+  if (options_.track.device_poses == DevicePoses::off || !frame.guess || !state_.last_guess) return std::nullopt;
   return state_.last.back().submap_from_camera * state_.last_guess->inverse() * *frame.guess;
 }
 
@@ -261,7 +267,10 @@ TrackingResult Tracker::track_in_map(const Frame& frame, const FramePyramid& liv
   const bool is_outside_map =
       tracked.alignment.lost == FrameCause::out_of_view ||
       (tracked.alignment.lost == FrameCause::too_few_inliers && state_.last_aligned < state_.last.back().timestamp);
-  if (is_outside_map && has_enough_depth(frame) && is_gyro_usable(frame)) tracked = gyro_prediction(frame);
+  if (is_outside_map && has_enough_depth(frame) && is_device_usable(frame))
+    tracked = device_prediction(frame);
+  else if (is_outside_map && has_enough_depth(frame) && is_gyro_usable(frame))
+    tracked = gyro_prediction(frame);
   tracked.cause = tracked.alignment.lost;
   tracked.reason = to_string(tracked.cause);
   if (!tracked.alignment.converged()) return tracked;
@@ -328,26 +337,50 @@ bool Tracker::is_prediction_reusable(const Eigen::Isometry3d& guess) const {
                                        state_.frames_of_prediction);
 }
 
-/// Tracks a frame that follows a fused one. Guesses are the prediction, the last pose, and the pose from features.
+bool Tracker::is_view_wide(const Eigen::Isometry3d& predicted) const {
+  const Moment& last = state_.last.back();
+  const auto is_wide = [&](const Eigen::Isometry3d& motion) {
+    return view_change(rig_.depth, motion) > kWideViewChange;
+  };
+  return is_wide(last.submap_from_camera.inverse() * predicted) ||
+         is_wide(state_.last.front().submap_from_camera.inverse() * last.submap_from_camera);
+}
+
+/// Tracks a frame that follows a fused one. Guesses are the prediction, the last pose, and the pose from features,
+/// which comes first for wide steps.
 TrackingResult Tracker::track_frame(const Frame& frame, const FramePyramid& live, Volume& volume, StageTimes& times) {
   const Moment& last = state_.last.back();
   const auto try_from = [&](const Eigen::Isometry3d& guess, InitialGuess kind,
                             AlignmentRange range = AlignmentRange::coarse_to_fine) {
     return align(frame, live, volume, guess, kind, range, times);
   };
+  std::optional<std::optional<Eigen::Isometry3d>> pose_by_features;  // once searched
+  const auto by_features = [&] {
+    if (!pose_by_features)
+      pose_by_features = timed(times, "recognize", [&] {
+        return estimate_pose_by_features(features_of(live, rig_, device_), recent_keyframes());
+      });
+    return *pose_by_features;
+  };
   const Eigen::Isometry3d predicted = predict(frame);
-  const bool reuses_prediction = is_prediction_reusable(predicted);
-  TrackingResult best = reuses_prediction ? align_with_prediction(frame, live, predicted, InitialGuess::motion,
-                                                                  AlignmentRange::coarse_to_fine, times)
-                                          : try_from(predicted, InitialGuess::motion);
-  if (reuses_prediction && (!best.alignment.converged() || is_doubtful(best.alignment, state_.mean_photometric_rmse)))
-    best = try_from(predicted, InitialGuess::motion);
+  const bool is_wide = is_view_wide(predicted);
+  TrackingResult best;
+  best.alignment.lost = FrameCause::not_relocalized;
+  if (is_wide)
+    if (const auto guess = by_features()) best = try_from(*guess, InitialGuess::features);
+  if (is_doubtful(best.alignment, state_.typical)) {
+    const bool reuses_prediction = is_prediction_reusable(predicted);
+    TrackingResult moved = reuses_prediction ? align_with_prediction(frame, live, predicted, InitialGuess::motion,
+                                                                     AlignmentRange::coarse_to_fine, times)
+                                             : try_from(predicted, InitialGuess::motion);
+    if (reuses_prediction && is_doubtful(moved.alignment, state_.typical))
+      moved = try_from(predicted, InitialGuess::motion);
+    if (!best.alignment.converged() || is_better(moved.alignment, best.alignment)) best = std::move(moved);
+  }
   if (!best.alignment.converged())
     best = try_from(last.submap_from_camera, InitialGuess::still);  // the camera may have stopped
-  if (is_doubtful(best.alignment, state_.mean_photometric_rmse)) {
-    if (const auto guess = timed(times, "recognize", [&] {
-          return estimate_pose_by_features(features_of(live, rig_, device_), recent_keyframes());
-        })) {
+  if (is_doubtful(best.alignment, state_.typical)) {
+    if (const auto guess = by_features()) {
       if (TrackingResult other = try_from(*guess, InitialGuess::features); is_better(other.alignment, best.alignment))
         best = std::move(other);
       // With moving objects in view, brightness separates the static scene's pose from the moving object's.
@@ -356,12 +389,19 @@ TrackingResult Tracker::track_frame(const Frame& frame, const FramePyramid& live
         best = std::move(other);
     }
   }
+  const Vector6d motion = local_coordinates(last.submap_from_camera.inverse() * predicted);
+  for (const double factor : kMotionFactors)
+    if (is_wide && is_doubtful(best.alignment, state_.typical)) {
+      TrackingResult other = try_from(last.submap_from_camera * retract(factor * motion), InitialGuess::motion);
+      if (is_better(other.alignment, best.alignment)) best = std::move(other);
+    }
   Alignment& a = best.alignment;
   if (!a.converged()) return best;
+  fuse_device_motion(frame, best);
   if (!is_possible(last.submap_from_camera.inverse() * a.submap_from_camera, frame.timestamp - last.timestamp,
                    options_.motion))
     a.lost = FrameCause::too_fast;
-  else if (misfit(a) > kMaxMisfit)
+  else if (is_poor(a, state_.typical))
     a.lost = FrameCause::poor_fit;
   return best;
 }
@@ -370,7 +410,7 @@ TrackingResult Tracker::track_frame(const Frame& frame, const FramePyramid& live
 TrackingResult Tracker::relocalize(const Frame& frame, const FramePyramid& live, Volume& volume, StageTimes& times) {
   TrackingResult tracked =
       align(frame, live, volume, predict(frame), InitialGuess::motion, AlignmentRange::coarse_to_fine, times);
-  if (is_certain_in_place(tracked.alignment, state_.lost_frames)) return tracked;
+  if (is_certain_in_place(tracked.alignment, state_.lost_frames, state_.typical)) return tracked;
   if (is_gyro_usable(frame) && tracked.alignment.converged() && is_near(tracked.alignment, tracked.predicted_from))
     return tracked;
   const auto guess = timed(times, "recognize", [&] {
@@ -380,7 +420,7 @@ TrackingResult Tracker::relocalize(const Frame& frame, const FramePyramid& live,
   if (guess)
     if (TrackingResult other =
             align(frame, live, volume, *guess, InitialGuess::relocalized, AlignmentRange::coarse_to_fine, times);
-        is_certain(other.alignment))
+        is_certain(other.alignment, state_.typical))
       return other;
   if (tracked.alignment.converged()) tracked.alignment.lost = FrameCause::not_relocalized;
   return tracked;
@@ -401,6 +441,49 @@ TrackingResult Tracker::gyro_prediction(const Frame& frame) const {
       << Eigen::Vector3d::Constant(1 / (kGyroRotationSigma * kGyroRotationSigma)),
       Eigen::Vector3d::Constant(1 / (kGyroTranslationSigma * kGyroTranslationSigma));
   return gyro_prediction;
+}
+
+std::optional<DeviceDrift> Tracker::device_drift() const {
+  if (options_.track.device_poses != DevicePoses::prior) return std::nullopt;
+  if (!state_.device.is_known() && rig_.sensor.common_error < kUncertainSensor) return std::nullopt;
+  return state_.device.drift();
+}
+
+/// True if the device can replace an alignment.
+bool Tracker::is_device_usable(const Frame& frame) const {
+  return frame.guess && state_.last_guess && device_drift() &&
+         frame.timestamp - state_.last_aligned <= kMaxDeviceSeconds;
+}
+
+/// Covariance of the motion from the last fused frame to a pose predicted by the device.
+Matrix6d Tracker::device_motion_covariance(const Eigen::Isometry3d& predicted) const {
+  return device_covariance(*device_drift(), state_.last.back().submap_from_camera.inverse() * predicted);
+}
+
+/// Pose from the device, for a camera that sees no map or only surface that is just being added to the map.
+TrackingResult Tracker::device_prediction(const Frame& frame) const {
+  TrackingResult predicted{.alignment = {.submap_from_camera = *predict_by_guess(frame)},
+                           .guess = InitialGuess::device};
+  predicted.predicted_from = predicted.alignment.submap_from_camera;
+  predicted.alignment.fit.unobserved = kAllUnobserved;
+  predicted.alignment.information = device_motion_covariance(predicted.predicted_from).inverse();
+  return predicted;
+}
+
+/// If alignment and device contradict each other, one of them has jumped; the pose that continues the motion is kept.
+void Tracker::fuse_device_motion(const Frame& frame, TrackingResult& tracked) const {
+  Alignment& a = tracked.alignment;
+  const auto predicted = predict_by_guess(frame);
+  if (!predicted || !device_drift()) return;
+  tracked.aligned = {a.submap_from_camera, common_error(rig_.sensor, frame.depth)};
+  const Matrix6d covariance = device_motion_covariance(*predicted);
+  if (fuse_device_pose(*predicted, covariance, tracked.aligned->common_error, a)) return;
+  tracked.aligned->contradicts_device = true;
+  const Eigen::Isometry3d continued = predict_by_motion(frame.timestamp);
+  const auto jump = [&](const Eigen::Isometry3d& pose) { return view_change(rig_.depth, continued.inverse() * pose); };
+  if (jump(*predicted) >= jump(a.submap_from_camera)) return;
+  a.submap_from_camera = *predicted;
+  a.information = covariance.inverse();
 }
 
 void Tracker::mask_moving(const FramePyramid& live, const TrackingResult& tracked, const Volume& volume) {
@@ -491,13 +574,18 @@ void Tracker::commit(const Frame& frame, const FramePyramid& live, const Trackin
   }
   if (!live.packed.empty() && (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, a)))
     reference_.set(live, pose, moment);
-  if (a != nullptr && a->fit.photometric_share > 0)
-    state_.mean_photometric_rmse += 0.1 * (a->fit.photometric_rmse - state_.mean_photometric_rmse);
+  if (a != nullptr && a->fit.iterations > 0) state_.typical.add(*a);
   if (a != nullptr && a->fit.unobserved == 0 && state_.lost_frames == 0)
     gyroscope_.learn(state_.last.back().timestamp, frame.timestamp,
                      Eigen::Quaterniond((state_.last.back().submap_from_camera.inverse() * pose).linear()));
   gyroscope_.forget_before(frame.timestamp);
   if (a != nullptr && a->fit.unobserved == 0 && state_.lost_frames == 0) update_prediction_errors(frame, pose);
+  if (a == nullptr || state_.lost_frames > 0) state_.device.window.reset();
+  if (frame.guess)
+    state_.device.add(frame.timestamp, frame.guess,
+                      tracked.aligned ? *tracked.aligned : AlignedPose{pose, common_error(rig_.sensor, frame.depth)});
+  else
+    state_.device.add(frame.timestamp, std::nullopt, {});
   state_.last_guess = frame.guess;
   state_.last_is_degenerate = a != nullptr && a->fit.unobserved > 0;
   if (a == nullptr || a->fit.unobserved < kAllUnobserved) state_.last_aligned = frame.timestamp;

@@ -4,12 +4,14 @@
 #include <string>
 
 #include "alignment/align.hpp"
+#include "alignment/device_odometry.hpp"
 #include "alignment/gyroscope.hpp"
 #include "base/stopwatch.hpp"
 #include "cairn/mapping/frame.hpp"
 #include "cairn/mapping/reports.hpp"
 #include "cairn/mapping/trajectory.hpp"
 #include "map/keyframe.hpp"
+#include "mapper/tracking_criteria.hpp"
 #include "place/keyframe_database.hpp"
 #include "preprocess/rectify.hpp"
 #include "volume/raycast.hpp"
@@ -25,7 +27,8 @@ struct TrackingResult {
   };
   State state = State::lost;
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // unless lost
-  Alignment alignment;  // last attempted alignment; unset for the first frame of a map
+  Alignment alignment;                 // last attempted alignment; unset for the first frame of a map
+  std::optional<AlignedPose> aligned;  // before the fusion with the device's motion
   InitialGuess guess = InitialGuess::none;
   Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the predicted surface
   FrameCause cause = FrameCause::none;
@@ -69,6 +72,8 @@ class Tracker {
   /// Estimated seconds by which the color camera's clock is ahead of the depth camera's.
   [[nodiscard]] double clock_offset() const;
   [[nodiscard]] FocalEvidence focal() const;
+  /// Estimated drift of the frames' device poses; none if they are not used as measurements.
+  [[nodiscard]] std::optional<DeviceDrift> device_drift() const;
 
   struct Moment {
     double timestamp = 0;
@@ -76,12 +81,12 @@ class Tracker {
   };
   /// State in addition to the keyframes, for resuming.
   struct State {
-    std::vector<Moment> last;             // at most two fused frames, newest last
-    double last_aligned = 0;              // seconds; before the newest frame if the gyroscope replaced the alignment
-    bool last_is_degenerate = false;      // the newest pose has an unobserved direction
-    double mean_photometric_rmse = 0.03;  // photometric rmse, running mean over fused frames
-    int lost_frames = 0;                  // since the last fused frame
-    int lost_views = 0;                   // lost frames with enough depth
+    std::vector<Moment> last;         // at most two fused frames, newest last
+    double last_aligned = 0;          // seconds; before the newest frame if the gyroscope replaced the alignment
+    bool last_is_degenerate = false;  // the newest pose has an unobserved direction
+    TypicalFit typical;
+    int lost_frames = 0;                                            // since the last fused frame
+    int lost_views = 0;                                             // lost frames with enough depth
     std::array<double, kClockOffsets.size()> clock_offset_costs{};  // summed over frames
     int clock_offset_frames = 0;
     std::array<double, kFocalScales.size()> focal_costs{};  // summed over pairs of keyframes
@@ -90,6 +95,7 @@ class Tracker {
     double guess_error = 0, motion_error = 0;     // running means of the prediction errors: rad and m summed
     int guesses = 0;
     int frames_of_prediction = 0;  // frames aligned with the current predicted surface
+    DeviceOdometry device;
   };
   /// Complete state.
   struct SavedState {
@@ -115,6 +121,11 @@ class Tracker {
                                           StageTimes& times);
   [[nodiscard]] bool is_gyro_usable(const Frame& frame) const;
   [[nodiscard]] TrackingResult gyro_prediction(const Frame& frame) const;
+  [[nodiscard]] bool is_device_usable(const Frame& frame) const;
+  [[nodiscard]] TrackingResult device_prediction(const Frame& frame) const;
+  [[nodiscard]] Matrix6d device_motion_covariance(const Eigen::Isometry3d& predicted) const;
+  /// Fuses an alignment with the device's motion since the last fused frame, if the two agree.
+  void fuse_device_motion(const Frame& frame, TrackingResult& tracked) const;
   [[nodiscard]] static bool has_enough_depth(const Frame& frame);
   [[nodiscard]] TrackingResult align(const Frame& frame, const FramePyramid& live, Volume& volume,
                                      const Eigen::Isometry3d& guess, InitialGuess kind, AlignmentRange range,
@@ -129,6 +140,8 @@ class Tracker {
   /// Resets tracking for a new component.
   void reset();
 
+  /// True if the view changes too fast for a motion model: at a low frame rate.
+  [[nodiscard]] bool is_view_wide(const Eigen::Isometry3d& predicted) const;
   [[nodiscard]] Eigen::Isometry3d predict(const Frame& frame) const;
   [[nodiscard]] Eigen::Isometry3d predict_by_motion(double timestamp) const;
   [[nodiscard]] std::optional<Eigen::Isometry3d> predict_by_guess(const Frame& frame) const;

@@ -2,6 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "mapper/tracking_criteria.hpp"
 
+#include <algorithm>
+
+#include "preprocess/rectify.hpp"
+
 namespace cairn {
 namespace {
 
@@ -15,9 +19,39 @@ double misfit(const Alignment& a) {
   return a.fit.inlier_share * a.fit.rmse * a.fit.rmse + (1 - a.fit.inlier_share) * 9;
 }
 
-bool is_doubtful(const Alignment& a, double mean_photometric_rmse) {
-  return !a.converged() || misfit(a) > kRetryMisfit || a.fit.photometric_rmse > kRetryPhotometricRmse ||
-         a.fit.photometric_rmse > kRetryRmseRatio * mean_photometric_rmse;
+void TypicalFit::add(const Alignment& a) {
+  misfit += 0.1 * (cairn::misfit(a) - misfit);
+  if (a.fit.photometric_share > 0) photometric_rmse += 0.1 * (a.fit.photometric_rmse - photometric_rmse);
+}
+
+PoseSigma common_error(const SensorModel& sensor, const std::vector<float>& depth) {
+  const float typical = median_depth(depth);
+  const double error = static_cast<double>(sensor.common_error * sensor.sigma(typical));
+  return {.rotation = error / static_cast<double>(typical), .translation = error};
+}
+
+namespace {
+
+/// True if brightness fits clearly worse than in the preceding frames.
+bool is_contradicted_by_brightness(const Alignment& a, const TypicalFit& typical) {
+  return a.fit.photometric_rmse > std::min(kRetryPhotometricRmse, kRetryRmseRatio * typical.photometric_rmse);
+}
+
+}  // namespace
+
+bool is_confirmed_by_brightness(const Alignment& a, const TypicalFit& typical) {
+  return a.fit.photometric_share > kMinConfirmedShare && !is_contradicted_by_brightness(a, typical);
+}
+
+bool is_doubtful(const Alignment& a, const TypicalFit& typical) {
+  const bool is_confirmed = is_confirmed_by_brightness(a, typical);
+  const bool is_noisy = typical.misfit > kNoisyMisfit;
+  const double max_misfit = is_confirmed && is_noisy ? kRetryMisfitRatio * typical.misfit : kRetryMisfit;
+  return !a.converged() || misfit(a) > max_misfit || is_contradicted_by_brightness(a, typical);
+}
+
+bool is_poor(const Alignment& a, const TypicalFit& typical) {
+  return misfit(a) > (is_confirmed_by_brightness(a, typical) ? kMaxConfirmedMisfit : kMaxMisfit);
 }
 
 bool is_better(const Alignment& a, const Alignment& b) {
@@ -53,15 +87,17 @@ bool is_near(const Alignment& a, const Eigen::Isometry3d& guess) {
          angle_of(motion) < kMaxGyroRotationError && motion.translation().norm() < kMaxGyroTranslationError;
 }
 
-bool is_certain(const Alignment& a) {
+bool is_certain(const Alignment& a, const TypicalFit& typical) {
+  const double max_rmse =
+      std::clamp(kRetryRmseRatio * typical.photometric_rmse, kAlwaysRelocalizedRmse, kRetryPhotometricRmse);
   return a.converged() && a.fit.inlier_share > kMinRelocalizedInliers && a.fit.overlap > kMinRelocalizedOverlap &&
          misfit(a) < kMaxRelocalizedMisfit && a.fit.unobserved == 0 &&
-         (a.fit.photometric_share == 0 || (a.fit.photometric_share > kMinRelocalizedPhotometricShare &&
-                                           a.fit.photometric_rmse < kRetryPhotometricRmse));
+         (a.fit.photometric_share == 0 ||
+          (a.fit.photometric_share > kMinRelocalizedPhotometricShare && a.fit.photometric_rmse < max_rmse));
 }
 
-bool is_certain_in_place(const Alignment& a, int lost_frames) {
-  return is_certain(a) && (lost_frames <= kMaxLostFramesInPlace || a.fit.photometric_share > 0);
+bool is_certain_in_place(const Alignment& a, int lost_frames, const TypicalFit& typical) {
+  return is_certain(a, typical) && (lost_frames <= kMaxLostFramesInPlace || a.fit.photometric_share > 0);
 }
 
 bool is_new_reference(const Eigen::Isometry3d& keyframe, const Eigen::Isometry3d& camera, const Alignment* a) {

@@ -90,11 +90,30 @@ Options options_for(const SensorModel& sensor, float voxel_size) {
   return options;
 }
 
+std::string_view to_string(DevicePoses use) {
+  switch (use) {
+    case DevicePoses::off:
+      return "off";
+    case DevicePoses::guess:
+      return "guess";
+    case DevicePoses::prior:
+      return "prior";
+  }
+  return {};
+}
+
+DevicePoses device_poses_of(std::string_view name) {
+  for (const DevicePoses use : {DevicePoses::off, DevicePoses::guess, DevicePoses::prior})
+    if (name == to_string(use)) return use;
+  throw std::runtime_error("unknown use of device poses '" + std::string(name) + "'; known: off, guess, prior");
+}
+
 MotionOptions motion_of(std::string_view name) {
   if (name == "hand") return {};
   if (name == "robot") return {.max_speed = 3, .max_turn = 4};
   if (name == "drone") return {.max_speed = 15, .max_turn = 12};
-  throw std::runtime_error("unknown motion '" + std::string(name) + "'; known motions: hand, robot, drone");
+  if (name == "unknown") return {.max_speed = 100, .max_turn = 100};
+  throw std::runtime_error("unknown motion '" + std::string(name) + "'; known motions: hand, robot, drone, unknown");
 }
 
 void read_options(const std::filesystem::path& file, Options& options) {

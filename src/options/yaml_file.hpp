@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <string>
 
 namespace cairn {
 
@@ -15,5 +16,7 @@ constexpr std::size_t kMaxYamlSize = std::size_t{128} << 10;
 /// Parses a YAML file, also with OpenCV's first line `%YAML:1.0`. Throws YAML::Exception for malformed text, and
 /// std::runtime_error for a file that cannot be read or is larger than kMaxYamlSize, without the file's name.
 [[nodiscard]] YAML::Node read_yaml_file(const std::filesystem::path& file);
+/// The same for YAML or JSON text.
+[[nodiscard]] YAML::Node read_yaml_text(std::string text);
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "geometry/readout.hpp"
 #include "shaders/surface_color.h"
 #include "spirv/surface_brightness.comp.h"
 #include "spirv/surface_color.comp.h"

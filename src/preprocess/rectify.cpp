@@ -49,12 +49,6 @@ MotionAt at_velocity(const Vector6d& velocity) {
   return [velocity](double delay) { return retract(velocity * delay); };
 }
 
-Rig with_global_shutter(Rig rig) {
-  rig.depth.readout = 0;
-  if (rig.color) rig.color->camera.readout = 0;
-  return rig;
-}
-
 MotionAt color_motion(const Rig& rig, const MotionAt& motion) {
   if (!rig.color) return motion;
   return [motion, from_depth = rig.color->color_from_depth, to_depth = rig.depth_from_color()](

@@ -18,9 +18,6 @@ using MotionAt = std::function<Eigen::Isometry3d(double delay)>;
 /// Motion at a constant velocity in the camera's own frame, rad/s and m/s.
 [[nodiscard]] MotionAt at_velocity(const Vector6d& velocity);
 
-[[nodiscard]] inline bool is_rolling(const Rig& rig) { return rig.depth.readout > 0 || rig.color_view().readout > 0; }
-/// Rig for images after rolling shutter correction.
-[[nodiscard]] Rig with_global_shutter(Rig rig);
 /// The same motion in the color camera's frame.
 [[nodiscard]] MotionAt color_motion(const Rig& rig, const MotionAt& motion);
 /// Maximum offset of the first or last row between two motions, in pixels at a distance of one meter.

@@ -13,6 +13,7 @@
 
 #include "base/path_kind.hpp"
 #include "export/map_contents.hpp"
+#include "geometry/readout.hpp"
 #include "mapper/access.hpp"
 #include "mapper/map_state.hpp"
 #include "session/open_session.hpp"
@@ -63,6 +64,15 @@ std::shared_ptr<MapState> open_session(const fs::path& folder, int device) {
                  {.folder = read->files, .access = Access::read, .hold = read, .source_maps = read->source_maps});
 }
 
+namespace {
+
+/// True if a map with `map` continues with frames of `given`, whose calibration may lack parts found for the map.
+bool is_continued_by(const Rig& map, const Rig& given) {
+  return is_rolling(given) ? map.has_same_cameras(given) : with_global_shutter(map).has_same_cameras(given);
+}
+
+}  // namespace
+
 class Session::State {
  public:
   State(fs::path folder, std::shared_ptr<SessionWriter> writer, std::optional<ReadSession> read)
@@ -83,8 +93,7 @@ class Session::State {
       return MapperAccess::mapper_of(
           std::make_shared<MapState>(rig, options, Poses::tracked, device, std::move(files)));
     const SessionState& session = read_->session;
-    const bool has_same_rig = rig.depth_correction.empty() ? session.rig.has_same_cameras(rig) : session.rig == rig;
-    if (!has_same_rig)
+    if (!is_continued_by(session.rig, rig))
       throw std::runtime_error(folder_.string() + ": was made with another camera; choose another folder");
     if (session.fuse.voxel_size != options.fuse.voxel_size || session.fuse.truncation != options.fuse.truncation)
       throw std::runtime_error(fmt::format("{}: has voxels of {} m, not of {} m (FuseOptions::voxel_size)",

@@ -22,6 +22,7 @@
 #include "base/read_json.hpp"
 #include "base/read_whole.hpp"
 #include "base/system_file.hpp"
+#include "geometry/readout.hpp"
 #include "map/keyframe_files.hpp"
 #include "session/checked_file.hpp"
 #include "session/state.hpp"
@@ -283,7 +284,8 @@ void remove_runs(const fs::path& session) {
 }  // namespace
 
 void check_alike(const MapSettings& first, const MapSettings& second, const char* joined) {
-  if (!first.rig.has_same_cameras(second.rig))
+  // Keyframes are corrected for the readout.
+  if (!with_global_shutter(first.rig).has_same_cameras(with_global_shutter(second.rig)))
     throw std::runtime_error(fmt::format("{}: was made with another camera than {}; such maps cannot be {}",
                                          second.map.string(), first.map.string(), joined));
   if (first.fuse.voxel_size != second.fuse.voxel_size || first.fuse.truncation != second.fuse.truncation)

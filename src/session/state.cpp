@@ -43,6 +43,7 @@ void fields(auto& io, Of<ColorCamera> auto& c) { io(c.camera, c.color_from_depth
 
 void fields(auto& io, Of<SensorModel> auto& m) {
   io(m.floor, m.growth, m.sharpest, m.min_depth, m.max_depth, m.weight, m.min_confidence);
+  io.since(16, m.common_error);
 }
 
 void fields(auto& io, Of<Eigen::Quaterniond> auto& q) { io(q.coeffs()); }
@@ -62,6 +63,7 @@ void fields(auto& io, Of<Keyframe> auto& k) {
   io(k.frame, k.timestamp, k.color_delay, k.submap, k.searched, k.follows, k.odometry_from_camera, k.submap_from_camera,
      k.information, k.acceleration);
   io.since(10, k.accelerations, k.structure);
+  io.since(16, k.device_pose, k.device_drift);
 }
 
 void fields(auto& io, Of<FrozenGravity> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.description); }
@@ -77,10 +79,15 @@ void fields(auto& io, Of<FusedFrame> auto& f) { io(f.timestamp, f.keyframe, f.tw
 
 void fields(auto& io, Of<Tracker::Moment> auto& m) { io(m.timestamp, m.submap_from_camera); }
 
+void fields(auto& io, Of<DeviceDrift> auto& d) { io(d.rotation, d.translation); }
+
+void fields(auto& io, Of<DeviceWindow> auto& w) { io(w.timestamp, w.device, w.tracked); }
+
 void fields(auto& io, Of<Tracker::State> auto& m) {
-  io(m.last, m.last_aligned, m.last_is_degenerate, m.mean_photometric_rmse, m.lost_frames, m.lost_views,
+  io(m.last, m.last_aligned, m.last_is_degenerate, m.typical.photometric_rmse, m.lost_frames, m.lost_views,
      m.clock_offset_costs, m.clock_offset_frames, m.focal_costs, m.focal_pairs, m.last_guess, m.guess_error,
      m.motion_error, m.guesses, m.frames_of_prediction);
+  io.since(16, m.typical.misfit, m.device.window, m.device.windows, m.device.contradictions);
 }
 
 void fields(auto& io, Of<PhotometricKeyframe::SavedState> auto& k) {

@@ -55,6 +55,8 @@ void validate(const Keyframe& keyframe, std::size_t number, std::size_t submaps)
   require_numbers({static_cast<double>(keyframe.structure.area)});
   for (const Structure::Facing& f : keyframe.structure.facings) require_unit(f.normal.cast<double>(), f.area);
   require_rigid(keyframe.odometry_from_camera);
+  if (keyframe.device_pose) require_numbers(keyframe.device_pose->matrix());
+  if (keyframe.device_drift) require_numbers({keyframe.device_drift->rotation, keyframe.device_drift->translation});
   require_rigid(keyframe.submap_from_camera);
 }
 
@@ -126,12 +128,18 @@ void validate(const Tracker::State& t, std::size_t frames) {
     require_numbers({moment.timestamp});
     require_rigid(moment.submap_from_camera);
   }
-  require_numbers({t.mean_photometric_rmse, t.last_aligned, t.guess_error, t.motion_error});
+  require_numbers({t.typical.photometric_rmse, t.typical.misfit, t.last_aligned, t.guess_error, t.motion_error});
   if (t.last_guess) require_numbers(t.last_guess->matrix());
   for (const double cost : t.clock_offset_costs) require_numbers({cost});
   for (const double cost : t.focal_costs) require_numbers({cost});
+  if (t.device.window) {
+    require_numbers({t.device.window->timestamp});
+    require_numbers(t.device.window->device.matrix());
+    require_rigid(t.device.window->tracked);
+  }
+  for (const DeviceDrift& window : t.device.windows) require_numbers({window.rotation, window.translation});
   require(t.lost_frames >= 0 && t.lost_views >= 0 && t.clock_offset_frames >= 0 && t.focal_pairs >= 0 &&
-              t.frames_of_prediction >= 0,
+              t.frames_of_prediction >= 0 && t.device.contradictions >= 0,
           "a count is below zero");
 }
 

@@ -344,6 +344,29 @@ std::vector<Scene::Solid> twin_rooms() {
   return s;
 }
 
+std::vector<Scene::Solid> door() {
+  const Vector3f steel(0.72f, 0.72f, 0.74f), wall(0.8f, 0.78f, 0.7f);
+  constexpr float kLeaf = 0.4f, kHeight = 2.1f, kWidth = 0.9f;  // meters: distance of the leaf's surface, and its size
+  std::vector<Scene::Solid> s;
+  const auto add = [&](Vector3f center, const Vector3f& half, Pattern pattern, float scale, const Vector3f& color,
+                       const Vector3f& second) {
+    center.z() += kLeaf;
+    s.push_back({Shape::box, center, half, 0, pattern, scale, color, second});
+  };
+  const float middle = static_cast<float>(kFloor) - kHeight / 2;
+  add({0, middle, 0.02f}, {kWidth / 2, kHeight / 2, 0.02f}, Pattern::wood, 0.3f, kWood, kDark);
+  for (const float side : {-1.0f, 1.0f}) {
+    add({side * (kWidth / 2 + 0.04f), middle, 0}, {0.04f, kHeight / 2, 0.03f}, Pattern::plain, 0.1f, kWhite, kWhite);
+    add({side * (kWidth / 2 + 1.08f), 0, 0.07f}, {1, 1.3f, 0.05f}, Pattern::plain, 0.1f, wall, wall);
+  }
+  add({0.36f, 0.05f, -0.002f}, {0.02f, 0.11f, 0.002f}, Pattern::plain, 0.1f, steel, steel);
+  add({0.36f, 0, -0.025f}, {0.01f, 0.01f, 0.025f}, Pattern::plain, 0.1f, steel, steel);
+  add({0.31f, 0, -0.052f}, {0.06f, 0.011f, 0.008f}, Pattern::plain, 0.1f, steel, steel);
+  s.push_back(
+      {Shape::cylinder, {0.36f, 0.11f, kLeaf - 0.004f}, {0.009f, 0.016f, 0}, 0, Pattern::plain, 0.1f, kGray, kGray});
+  return s;
+}
+
 std::vector<Eigen::Vector3d> path_through_twin_rooms() {
   const std::vector<Eigen::Vector2d> around{{-0.8, 0.0},  {-1.4, 0.7},  {-2.4, 0.7}, {-3.0, 0.2},
                                             {-2.8, -0.6}, {-1.8, -0.8}, {-0.8, 0.0}};

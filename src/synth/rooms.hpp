@@ -24,4 +24,7 @@ namespace cairn {
 /// A loop in the first room, a loop in the second, and back.
 [[nodiscard]] std::vector<Eigen::Vector3d> path_through_twin_rooms();
 
+/// Closed door with a lever handle, 0.4 m in front of the origin.
+[[nodiscard]] std::vector<Scene::Solid> door();
+
 }  // namespace cairn

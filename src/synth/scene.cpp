@@ -205,6 +205,13 @@ Eigen::Isometry3d Scene::world_from_camera(double t) const {
     const Vector3d from(0.7 * std::sin(0.6 * t), 0.2 * std::sin(0.9 * t) + sway, 0.15 * std::sin(0.5 * t));
     return camera_pose(from, heading(-angle * 0.6, 0.1 * std::sin(0.8 * t) + shake), roll);
   }
+  if (name == "door") {
+    // Around the handle, facing it.
+    const Vector3d from(0.26 + 0.13 * std::sin(0.9 * t), 0.03 + 0.1 * std::sin(0.7 * t + 0.4) + 0.4 * sway,
+                        0.04 * std::sin(0.6 * t));
+    return camera_pose(from, heading(-0.25 * std::sin(0.9 * t) + 0.4 * shake, -0.2 * std::sin(0.7 * t + 0.4) + shake),
+                       roll);
+  }
   if (name == "corridor")
     return camera_pose({0.15 * std::sin(0.7 * t), sway, 0.4 * t},
                        heading(0.35 * std::sin(0.5 * t), 0.15 + 0.1 * std::sin(0.7 * t) + shake), roll);
@@ -310,6 +317,8 @@ Scene synthetic_scene(const std::string& name) {
                             0.3f,
                             {0.7f, 0.65f, 0.5f},
                             {0.4f, 0.45f, 0.5f}});
+  } else if (name == "door") {
+    scene.solids = door();
   } else if (name == "loop") {
     scene.solids = corridor_around_a_block();
   } else if (name == "flat") {
@@ -321,7 +330,7 @@ Scene synthetic_scene(const std::string& name) {
   } else {
     throw std::runtime_error(
         "there is no synthetic scene '" + name +
-        "': choose room, room-with-mover, flat, twin-rooms, sphere, plane, corridor, loop or building");
+        "': choose room, room-with-mover, flat, twin-rooms, sphere, plane, corridor, loop, door or building");
   }
   return scene;
 }

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <optional>
 
+#include "geometry/readout.hpp"
 #include "spirv/texture_blend.comp.h"
 #include "spirv/texture_blur.comp.h"
 #include "spirv/texture_expose.comp.h"

@@ -13,7 +13,7 @@
 #include "mesh/formats.hpp"
 #include "mesh/points.hpp"
 #include "mesh/topology.hpp"
-#include "view/file_below.hpp"
+#include "net/file_below.hpp"
 #include "view/temporary_place.hpp"
 #include "view/zip_folder.hpp"
 

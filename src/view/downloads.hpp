@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "view/served.hpp"
+#include "net/served.hpp"
 
 namespace cairn {
 

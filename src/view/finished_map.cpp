@@ -19,9 +19,9 @@
 #include "base/read_json.hpp"
 #include "cairn/mapping/trajectory.hpp"
 #include "cairn/mapping/viewer.hpp"
+#include "net/file_below.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
-#include "view/file_below.hpp"
 #include "view/first_mesh.hpp"
 #include "view/keyframe_pictures.hpp"
 

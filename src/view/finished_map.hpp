@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "view/served.hpp"
+#include "net/served.hpp"
 
 namespace cairn {
 

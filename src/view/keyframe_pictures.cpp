@@ -10,7 +10,7 @@
 
 #include "base/image_file.hpp"
 #include "map/keyframe.hpp"
-#include "view/file_below.hpp"
+#include "net/file_below.hpp"
 
 namespace cairn {
 namespace {

@@ -14,11 +14,11 @@
 #include "base/read_json.hpp"
 #include "cairn/mapping/live_surface.hpp"
 #include "cairn/mapping/viewer.hpp"
+#include "net/server.hpp"
 #include "view/finished_map.hpp"
 #include "view/guidance.hpp"
 #include "view/messages.hpp"
 #include "view/report_page.hpp"
-#include "view/server.hpp"
 
 namespace cairn {
 namespace {

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "cairn/mapping/viewer.hpp"
+#include "net/server.hpp"
 #include "view/finished_map.hpp"
 #include "view/report_page.hpp"
 #include "view/served_tileset.hpp"
-#include "view/server.hpp"
 
 namespace cairn {
 namespace {

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "view/served.hpp"
+#include "net/served.hpp"
 
 namespace cairn {
 

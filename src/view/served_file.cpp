@@ -18,9 +18,9 @@
 #include "cairn/mapping/map.hpp"
 #include "cairn/mapping/mesh.hpp"
 #include "mesh/gltf.hpp"
+#include "net/file_below.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
-#include "view/file_below.hpp"
 #include "view/finished_map.hpp"
 
 namespace cairn {

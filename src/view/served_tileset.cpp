@@ -18,8 +18,8 @@
 #include "base/read_whole.hpp"
 #include "cairn/building/project.hpp"
 #include "cairn/eval/verdict.hpp"
+#include "net/file_below.hpp"
 #include "view/downloads.hpp"
-#include "view/file_below.hpp"
 
 namespace cairn {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "view/served.hpp"
+#include "net/served.hpp"
 
 namespace cairn {
 

@@ -13,6 +13,7 @@
 #include "mesh/gltf.hpp"
 #include "session/session_files.hpp"
 #include "support/depth_files.hpp"
+#include "support/frame_messages.hpp"
 #include "support/ros_files.hpp"
 #include "support/zips.hpp"
 #include "volume/vdb/brick_file.hpp"
@@ -421,6 +422,40 @@ void write_requests(const fs::path& folder) {
 
 }  // namespace
 
+namespace {
+
+void write_frame_messages(const fs::path& folder) {
+  const auto both = [&](const std::string& name, const nlohmann::json& hello, const nlohmann::json& header,
+                        const std::string& data) {
+    const std::string first = message_of(hello);
+    put(place(folder, "frame_message", name),
+        little_endian(static_cast<std::uint32_t>(first.size())).substr(0, 2) + first + message_of(header, data));
+  };
+  nlohmann::json hello = small_hello(), frame = small_frame(4);
+  both("depth", hello, frame, small_depth());
+  both("end", hello, {{"end", true}}, "");
+  frame["pose"] = {1, 2, 3, 0, 0, 0, 1};
+  frame["gyro"] = frame["accel"] = {{0.1, 1, 2, 3}, {0.11, 1, 2, 3}};
+  frame["color"] = {{"format", "rgb8"}, {"bytes", 768}, {"delay", 0.01}};
+  frame["confidence"] = {{"format", "uint8"}, {"bytes", 256}};
+  hello["poses"] = "opengl,mm";
+  hello["name"] = "phone";
+  both("all", hello, frame, small_depth() + std::string(1024, '\7'));
+  const cv::Mat gray(16, 16, CV_16UC1, cv::Scalar(1000)), colors(16, 16, CV_8UC3, cv::Scalar(10, 20, 30));
+  std::vector<std::uint8_t> depth, color;
+  cv::imencode(".png", gray, depth);
+  cv::imencode(".jpg", colors, color);
+  frame = small_frame(4);
+  frame["depth"] = {{"format", "png"}, {"bytes", depth.size()}};
+  frame["color"] = {{"format", "jpeg"}, {"bytes", color.size()}};
+  hello["camera"]["color"] = tiny_camera();
+  hello["camera"]["color"]["translation"] = {0.1, 0, 0};
+  hello["camera"]["color"]["rotation"] = {0, 0, 0, 1};
+  both("images", hello, frame, std::string(depth.begin(), depth.end()) + std::string(color.begin(), color.end()));
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   if (argc != 2) {
     std::fprintf(stderr, "usage: cairn_fuzz_corpus DIR\n");
@@ -440,6 +475,7 @@ int main(int argc, char** argv) {
   write_ros(folder);
   write_zips(folder);
   write_requests(folder);
+  write_frame_messages(folder);
 #ifdef CAIRN_VIDEO
   write_videos(folder);
 #endif

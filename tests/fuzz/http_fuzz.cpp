@@ -10,7 +10,7 @@
 #include <cstdio>
 
 #include "fuzz.hpp"
-#include "view/server.hpp"
+#include "net/server.hpp"
 
 using namespace cairn;
 

@@ -16,6 +16,8 @@ namespace fs = std::filesystem;
 // Only this file contains the paths, so that another checkout compiles the same tests.
 fs::path data_folder() { return CAIRN_DATA; }
 std::string openni_folder() { return CAIRN_OPENNI; }
+std::string sensor_folder() { return CAIRN_SENSORS; }
+std::string old_sensor_folder() { return CAIRN_OLD_SENSORS; }
 std::string faulty_device_folder() { return CAIRN_FAULTY_DEVICE; }
 std::string faulty_device(const std::string& faults) {
   return fmt::format("VK_LAYER_PATH='{}' VK_INSTANCE_LAYERS={} CAIRN_VALIDATION=0 CAIRN_FAULTS='{}'",

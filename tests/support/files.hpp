@@ -15,6 +15,9 @@ namespace cairn {
 [[nodiscard]] std::filesystem::path data_folder();
 /// Copy of OpenNI2 with the virtual sensor of tests/support/sensor only.
 [[nodiscard]] std::string openni_folder();
+/// Stand-ins for librealsense2 and libk4a of tests/support/sensor, and for an old libk4a.
+[[nodiscard]] std::string sensor_folder();
+[[nodiscard]] std::string old_sensor_folder();
 /// Vulkan layer with failures and missing features selected by CAIRN_FAULTS, see tests/support/faulty_device, and its
 /// folder.
 inline constexpr const char* kFaultyDevice = "VK_LAYER_CAIRN_faulty_device";

@@ -219,7 +219,7 @@ TEST_F(Inputs, CameraFileStaysBesideTheMapsCameraFile) {
   write_text(*folder / "old" / "report.json", report.dump());
   EXPECT_EQ(judge("old"), judged);
   ASSERT_EQ(run(reconstruct("rec", "with-camera", {"--overwrite"})).exit_code, 0);
-  EXPECT_FALSE(fs::exists(*folder / "with-camera" / "map_camera.yaml"));
+  EXPECT_EQ(read_rig(*folder / "with-camera" / "map_camera.yaml"), read_rig(*folder / "rec" / "camera.yaml"));
 }
 
 TEST_F(Inputs, GivenPosesAreFusedByOneRunAtATime) {

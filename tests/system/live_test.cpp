@@ -10,11 +10,11 @@
 #include <nlohmann/json.hpp>
 
 #include "cairn/io/source.hpp"
+#include "net/server.hpp"
 #include "support/files.hpp"
 #include "support/recordings.hpp"
 #include "support/running.hpp"
 #include "synth/source.hpp"
-#include "view/server.hpp"
 
 namespace cairn {
 namespace {

@@ -90,7 +90,8 @@ TEST_F(Outputs, AcceptAnyFileNameInEveryCommand) {
     succeeds({"evaluate", "trajectory", (out / "trajectory.txt").string(), (out / "trajectory.txt").string()});
     succeeds({"synth", "sphere", "-o", (out / "synth/").string(), "--frames", "1"});
     succeeds({"synth", "sphere", "-o", "synth-caf\xe9", "--frames", "1"});
-    EXPECT_NE(run({"view", output, "--port", "0"}, "timeout -s INT 1").out.find("http"), std::string::npos);
+    EXPECT_NE(run({"view", output, "--port", "0"}, "timeout --foreground -s INT 1").out.find("http"),
+              std::string::npos);
     succeeds({"record", "rec", "-o", "recorded-caf\xe9"});
     succeeds({"record", recording, "-o", (out / "recorded/").string()});
   }

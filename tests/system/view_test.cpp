@@ -57,7 +57,7 @@ class ViewedMap : public testing::Test {
   static Ran view(const std::vector<std::string>& arguments, const std::string& environment = "") {
     std::vector<std::string> all{"view", "--port", "0"};
     all.insert(all.end(), arguments.begin(), arguments.end());
-    return run_cairn(all, "timeout -s INT 5 env " + environment);
+    return run_cairn(all, "timeout --foreground -s INT 5 env " + environment);
   }
 
   inline static std::unique_ptr<TemporaryFolder> folder;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -21,6 +22,13 @@ struct FrameRange {
   int step = 1;            ///< every step-th frame
 };
 
+/// State of the run that reads a source, for the answers to a program that sends the frames (`tcp:`, `ws:`).
+struct TrackingState {
+  enum class Is { unknown, tracking, lost };
+  std::atomic<Is> is = Is::unknown;  ///< after the last frame
+  std::atomic<int> dropped = 0;      ///< frames not used, because the run was slower than the stream
+};
+
 struct SourceOptions {
   FrameRange range;
   std::filesystem::path camera;  ///< camera.yaml that overrides the intrinsics of the recording or sensor, and the
@@ -32,6 +40,7 @@ struct SourceOptions {
   std::filesystem::path copy_to;  ///< .oni file for a copy of all images of a sensor, with exact depth; empty: none
   /// Topics of a ROS recording with several cameras; empty: chosen by type, with the most messages.
   std::string depth_topic, color_topic;
+  std::shared_ptr<const TrackingState> tracking;  ///< updated by the run; null: unknown
 };
 
 /// A topic of a ROS recording.
@@ -41,7 +50,8 @@ struct RecordedTopic {
   std::optional<std::uint64_t> messages;  ///< nullopt for a recording without an index
   Holds holds = Holds::other;
 };
-/// True for the name of a ROS recording: a .bag, .mcap or .db3 file, a rosbag2 folder, or a .zip of these.
+/// True for the name of a ROS recording: a .bag, .mcap or .db3 file, a rosbag2 folder, or a .zip of these; and for
+/// running topics, `ros2:`.
 [[nodiscard]] bool is_ros_recording(const std::string& name);
 /// Topics of a recording, sorted by name. Throws std::runtime_error for an unreadable file.
 [[nodiscard]] std::vector<RecordedTopic> recorded_topics(const std::string& ros_recording);
@@ -60,7 +70,13 @@ struct RecordedTopic {
 ///   is opened or the program ends;
 /// - the folder of a project's segment (building/project.hpp): frames of its recording; `range` counts within the
 /// segment;
-/// - `openni:` for the first sensor, `openni:URI` for the sensor with this OpenNI2 URI;
+/// - `openni:` for the first sensor, `openni:URI` for the sensor with this OpenNI2 URI; `realsense:` and `k4a:` (Azure
+///   Kinect, Orbbec Femto) for the first camera, with a serial number for another: an unplugged camera is waited for,
+///   with a frame with a `problem` each second;
+/// - `tcp:PORT`, `tcp:HOST:PORT`, `ws:PORT` or `ws:HOST:PORT`: frames of a program that connects (docs/inputs.md);
+///   waits for its first message;
+/// - `ros2:` for the topics of a running ROS 2 graph in the domain ROS_DOMAIN_ID, else 0; `ros2:DOMAIN` for another; a
+///   publisher that is gone is waited for like a camera;
 /// - `synthetic:NAME`, a scene (see synthetic_scene) rendered on the fly.
 ///
 /// Throws std::runtime_error with the missing item, its place and the remedy.
@@ -109,6 +125,7 @@ class WrappedSource : public Source {
   std::string layout() const override { return source_->layout(); }
   std::optional<int> size() const override { return source_->size(); }
   std::optional<std::string> ended_early() const override { return source_->ended_early(); }
+  bool has_assumed_rate() const override { return source_->has_assumed_rate(); }
   int dropped() const override { return source_->dropped(); }
 
  protected:

@@ -30,7 +30,8 @@ struct Frame {
   std::optional<Eigen::Vector3d> acceleration;
   std::vector<AngularRate> gyro;  ///< samples since the previous frame, up to this frame's time or the end of its
                                   ///< readout
-  /// Pose estimate from an external odometry (a phone, wheels): world_from_camera in its own world frame.
+  /// Pose by the device's own tracking or another odometry (a phone, wheels): world_from_camera in its own world frame;
+  /// see TrackOptions::device_poses.
   std::optional<Eigen::Isometry3d> guess;
   /// Held-out frame for evaluation: a Mapper estimates its pose, but adds its data to the map at most in the end, see
   /// FinishOptions::fuses_held_out.
@@ -55,6 +56,8 @@ class Source {
   virtual void skip() {}
   /// Reason for a premature end of the stream (unplugged, truncated), in one line, if any.
   [[nodiscard]] virtual std::optional<std::string> ended_early() const { return std::nullopt; }
+  /// True if the timestamps are frame numbers at an assumed rate: speeds are then unknown.
+  [[nodiscard]] virtual bool has_assumed_rate() const { return false; }
   /// Number of frames dropped so far because the reader was slower than the stream.
   [[nodiscard]] virtual int dropped() const { return 0; }
 };

@@ -28,8 +28,8 @@ enum class Poses {
 struct FinishOptions {
   bool refine = false;  ///< Mapper::refine
   bool adjust = false;  ///< Mapper::adjust
-  /// Mapper::reintegrate after Mapper::adjust, with the adjusted depth correction: the same recording from its start,
-  /// with the same frames held out. Null: the submaps are deformed.
+  /// Mapper::reintegrate after Mapper::adjust, with the adjusted depth correction and a confirmed readout: the same
+  /// recording from its start, with the same frames held out. Null: the submaps are deformed.
   Source* reintegrate = nullptr;
   /// Keeps the result of the stages only if held-out frames confirm it (Frame::held_out). With fewer than four of them
   /// the result is kept.
@@ -95,7 +95,7 @@ class Mapper {
   void reintegrate(Source& source, const DepthCorrection& correction = {},
                    const std::function<bool(int)>& progress = {});
 
-  /// The given rig, including depth corrections added since.
+  /// The given rig, including depth corrections and a readout added since.
   [[nodiscard]] const Rig& rig() const;
   /// Gravity alignment of the map: rotation applied to all output of map() and trajectory(); gravity is +y if known.
   /// Cheap enough for a call per second.

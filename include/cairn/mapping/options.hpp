@@ -30,6 +30,18 @@ struct SurfaceOptions {
                                      ///< a depth jump is dropped as a flying pixel
 };
 
+/// Use of Frame::guess, the poses of the device's own tracking.
+enum class DevicePoses {
+  off,    ///< not used
+  guess,  ///< initial guess of the alignment
+  prior   ///< measurement of the motion in tracking, pose graph and adjustment, with a drift estimated by comparison
+};
+
+/// Name of the enumerator.
+[[nodiscard]] std::string_view to_string(DevicePoses use);
+/// Throws std::runtime_error with the valid names for an unknown name.
+[[nodiscard]] DevicePoses device_poses_of(std::string_view name);
+
 struct TrackOptions {
   int levels = 3;                  ///< pyramid levels, each half the size of the previous
   int finest_level = 1;            ///< 0: full resolution, four times the work for 2 % less error
@@ -41,6 +53,7 @@ struct TrackOptions {
   float huber = 1.5f;              ///< in standard deviations of the depth noise (Huber 1964)
   float min_inlier_share = 0.25f;  ///< fraction of inliers among the pixels that see the model; fewer: lost
   float max_rmse = 4.0f;           ///< in standard deviations of the depth noise; more: lost
+  DevicePoses device_poses = DevicePoses::prior;  ///< use of Frame::guess
 };
 
 struct FuseOptions {
@@ -91,7 +104,8 @@ struct Options {
 /// deviations of its depth at 2 m.
 [[nodiscard]] Options options_for(const SensorModel& sensor, float voxel_size = FuseOptions{}.voxel_size);
 
-/// Limits for `hand`, `robot` or `drone`; throws std::runtime_error for another name.
+/// Limits for `hand`, `robot`, `drone` or `unknown` (timestamps at an assumed rate: practically none); throws
+/// std::runtime_error for another name.
 [[nodiscard]] MotionOptions motion_of(std::string_view name);
 
 /// Overrides `options` with a YAML file of the form `surface: {max_depth: 4}`. Throws std::runtime_error with file and

@@ -65,7 +65,8 @@ enum class InitialGuess {
   still,        ///< pose of the previous frame
   features,     ///< features of recent keyframes
   relocalized,  ///< features of any keyframe, after a loss
-  gyroscope     ///< the gyroscope's prediction replaces the alignment
+  gyroscope,    ///< the gyroscope's prediction replaces the alignment
+  device        ///< the device's own pose replaces the alignment
 };
 
 /// Name of the enumerator; empty for `none`.

@@ -17,6 +17,8 @@ struct SensorModel {
   /// Standard deviation of depth, meters: floor + growth (z - sharpest)^2. Defaults: Nguyen, Izadi & Lovell 2012, for
   /// the first Kinect.
   float floor = 0.0012f, growth = 0.0019f, sharpest = 0.4f;
+  /// Standard deviation, in units of sigma, of the error that all pixels of a surface have in common.
+  float common_error = 0.1f;
   float min_depth = 0.3f, max_depth = 5.0f;  ///< meters; measurements outside are dropped
   Weight weight = Weight::by_distance;
   std::uint8_t min_confidence = 1;  ///< measurements with a smaller Frame::confidence are dropped
@@ -48,6 +50,7 @@ inline constexpr NamedSensorModel kSensorModels[] = {
      {.floor = 0.004f,
       .growth = 0.0025f,
       .sharpest = 0,
+      .common_error = 2,
       .weight = SensorModel::Weight::by_noise,
       .min_confidence = 128}},
     // Rendered without noise.

@@ -52,9 +52,9 @@ struct Scene {
 
 /// Creates a scene by name: `room` (furnished), `room-with-mover` (a person walks through), `flat` (four rooms, one
 /// round), `twin-rooms` (two identical-looking rooms), `sphere`, `plane`, `corridor`, `loop` (a corridor around a
-/// block), or `building`: storeys of similar offices with stairs, seen by one of many recordings, by default
-/// `building?floors=3&rooms=40&recording=0&meters=30`. All recordings of a building share its world; they differ in
-/// path and in open doors. Throws std::runtime_error for another name.
+/// block), `door` (closed, at 40 cm), or `building`: storeys of similar offices with stairs, seen by one of many
+/// recordings, by default `building?floors=3&rooms=40&recording=0&meters=30`. All recordings of a building share its
+/// world; they differ in path and in open doors. Throws std::runtime_error for another name.
 [[nodiscard]] Scene synthetic_scene(const std::string& name);
 
 /// Camera of synthetic recordings.

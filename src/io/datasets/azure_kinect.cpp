@@ -18,6 +18,7 @@
 #include "base/json_text.hpp"
 #include "base/read_json.hpp"
 #include "base/words.hpp"
+#include "io/inertial_samples.hpp"
 #include "io/ros/time_order.hpp"
 #include "io/video/video_file.hpp"
 
@@ -26,8 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-constexpr std::size_t kMaxSamples = 100000;    // inertial samples queued for a frame
-constexpr double kAccelerationWindow = 0.25;   // seconds around a frame, as for TUM recordings
 constexpr double kDefaultInterval = 1.0 / 30;  // seconds between depth images, if missing from the file
 constexpr std::size_t kMaxQueued = 32;         // queued images; more have equal times, or none
 constexpr float kMeters = 1e-3f;               // per depth unit
@@ -215,17 +214,11 @@ class AzureKinectSource final : public Source {
       return frame;
     }
     attach_color(frame);
-    attach_acceleration(frame);
-    attach_rates(frame);
+    samples_.attach_to(frame);
     return frame;
   }
 
  private:
-  struct Acceleration {
-    double time;            // seconds
-    Eigen::Vector3d value;  // in the depth camera's frame
-  };
-
   void find_tracks() {
     depth_track_ = track_with(file_, "DEPTH", "K4A_DEPTH_TRACK");
     color_track_ = track_with(file_, "COLOR", "K4A_COLOR_TRACK");
@@ -296,11 +289,8 @@ class AzureKinectSource final : public Source {
     };
     const Eigen::Vector3d acceleration = vector_at(8), rate = vector_at(28);
     if (depth_from_accelerometer_ && acceleration.allFinite())
-      insert_by_time(accelerations_, {packet.time(), *depth_from_accelerometer_ * acceleration}, &Acceleration::time);
-    if (rig_.camera_from_imu && rate.allFinite())
-      insert_by_time(rates_, {packet.time(), rate}, &AngularRate::timestamp);
-    if (accelerations_.size() > kMaxSamples) accelerations_.pop_front();
-    if (rates_.size() > kMaxSamples) rates_.pop_front();
+      samples_.add_acceleration(packet.time(), *depth_from_accelerometer_ * acceleration);
+    if (rig_.camera_from_imu && rate.allFinite()) samples_.add_rate({packet.time(), rate});
   }
 
   std::vector<float> depth_in(const VideoPacket& packet) {
@@ -338,24 +328,6 @@ class AzureKinectSource final : public Source {
     }
   }
 
-  void attach_rates(Frame& frame) {
-    for (; !rates_.empty() && rates_.front().timestamp <= frame.timestamp; rates_.pop_front())
-      frame.gyro.push_back(rates_.front());
-  }
-
-  void attach_acceleration(Frame& frame) {
-    while (!accelerations_.empty() && accelerations_.front().time < frame.timestamp - kAccelerationWindow)
-      accelerations_.pop_front();
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    int count = 0;
-    for (const auto& sample : accelerations_) {
-      if (sample.time > frame.timestamp + kAccelerationWindow) break;
-      sum += sample.value;
-      ++count;
-    }
-    if (count > 0) frame.acceleration = sum / count;
-  }
-
   std::string name_;
   VideoFile file_;
   std::optional<std::uint64_t> expected_size_;  // bytes
@@ -370,8 +342,7 @@ class AzureKinectSource final : public Source {
   bool at_end_ = false;
   int index_ = 0;
   std::deque<VideoPacket> depth_, color_;  // encoded
-  std::deque<Acceleration> accelerations_;
-  std::deque<AngularRate> rates_;
+  InertialSamples samples_;
   std::optional<std::string> ended_early_;
 };
 

@@ -54,7 +54,8 @@ void set_rig(const CameraSource& source, Recording& recording) {
   Camera resized = rig.depth;
   resized.width = previous.depth.width, resized.height = previous.depth.height,
   resized.readout = previous.depth.readout;
-  if (resized == previous.depth && fs::path(source.name).stem() != "camera") rig.depth.readout = previous.depth.readout;
+  if (rig.depth.readout == 0 && resized == previous.depth && fs::path(source.name).stem() != "camera")
+    rig.depth.readout = previous.depth.readout;
   recording.has_color_camera |= rig.color.has_value();
   if (!rig.color && previous.color) {
     rig.color = previous.color;
@@ -110,13 +111,14 @@ void resolve_camera(const fs::path& folder, const fs::path& option, Recording& r
   }
   const auto rate = first_of(from_option, from_folder,
                              [](const CameraSource& source) { return source.intrinsics.camera.frame_rate; });
-  const bool is_assumed = recording.frame_rate > 0 && !rate;
+  recording.has_assumed_rate = recording.frame_rate > 0 && !rate;
   if (recording.frame_rate > 0 && rate) set_rate(*rate, recording);
   if (recording.is_plain && from_folder && from_folder->intrinsics.is_open3d) recording.layout = "Open3D folder";
   for (Interpretation& line : recording.interpretations)
     if (line.what == "times" && recording.frame_rate > 0)
-      line.words += fmt::format(", {:g} a second{}", recording.frame_rate,
-                                is_assumed ? " assumed (set frame_rate in camera.yaml if it differs)" : "");
+      line.words +=
+          fmt::format(", {:g} a second{}", recording.frame_rate,
+                      recording.has_assumed_rate ? " assumed (set frame_rate in camera.yaml if it differs)" : "");
 }
 
 bool has_other_camera(const fs::path& folder, const Camera& known) {

@@ -16,6 +16,7 @@
 #include "base/image_file.hpp"
 #include "base/lines.hpp"
 #include "base/words.hpp"
+#include "geometry/inverse_distortion.hpp"
 #include "io/datasets/rvl.hpp"
 
 namespace cairn {
@@ -216,30 +217,6 @@ RosImage packed_image(Fields& fields, const ImageBound& bound) {
   return image;
 }
 
-/// Fits the forward Brown-Conrady coefficients to librealsense's inverse model, which maps a measured point to the ray,
-/// by least squares over the image.
-std::array<double, 8> invert_distortion(const RosCameraInfo& info) {
-  constexpr int kSteps = 24;
-  const double k1 = info.d[0], k2 = info.d[1], p1 = info.d[2], p2 = info.d[3], k3 = info.d[4];
-  Eigen::MatrixXd a(2 * (kSteps + 1) * (kSteps + 1), 5);
-  Eigen::VectorXd b(a.rows());
-  Eigen::Index row = 0;
-  for (int i = 0; i <= kSteps; ++i)
-    for (int j = 0; j <= kSteps; ++j, row += 2) {
-      const double x = (info.width * i / double{kSteps} - info.k[2]) / info.k[0],
-                   y = (info.height * j / double{kSteps} - info.k[5]) / info.k[4], m2 = x * x + y * y,
-                   f = 1 + m2 * (k1 + m2 * (k2 + m2 * k3));
-      const double u = x * f + 2 * p1 * x * y + p2 * (m2 + 2 * x * x),
-                   v = y * f + 2 * p2 * x * y + p1 * (m2 + 2 * y * y);
-      const double r2 = u * u + v * v;
-      a.row(row) << u * r2, u * r2 * r2, 2 * u * v, r2 + 2 * u * u, u * r2 * r2 * r2;
-      a.row(row + 1) << v * r2, v * r2 * r2, r2 + 2 * v * v, 2 * u * v, v * r2 * r2 * r2;
-      b.segment<2>(row) << x - u, y - v;
-    }
-  const Eigen::VectorXd k = a.colPivHouseholderQr().solve(b);
-  return {k[0], k[1], k[2], k[3], k[4]};
-}
-
 void set_lens(const RosCameraInfo& info, Camera& camera) {
   const std::vector<double>& d = info.d;
   if (std::all_of(d.begin(), d.end(), [](double k) { return k == 0; })) {
@@ -261,7 +238,7 @@ void set_lens(const RosCameraInfo& info, Camera& camera) {
     std::copy_n(d.begin(), std::min<std::size_t>(d.size(), 8), camera.distortion.begin());
   } else if (model == "Inverse Brown Conrady") {
     need(5, 5);
-    camera.distortion = invert_distortion(info);
+    camera.distortion = invert_distortion(camera, {d[0], d[1], d[2], d[3], d[4]});
   } else if (model == "equidistant" || model == "fisheye" || model == "Kannala Brandt4") {
     need(4, 5);
     camera.lens = Lens::fisheye;

@@ -188,6 +188,7 @@ std::unique_ptr<RosRecording> open_rosbag2_folder(const fs::path& folder) {
 }
 
 std::unique_ptr<RosRecording> open_ros_recording(const fs::path& name) {
+  if (name.native().starts_with(kRos2)) return open_ros2(name.native());
   std::error_code ignored;
   if (fs::is_directory(name, ignored)) return open_rosbag2_folder(name);
   const std::string extension = extension_of(name);
@@ -197,6 +198,7 @@ std::unique_ptr<RosRecording> open_ros_recording(const fs::path& name) {
 }
 
 bool is_ros_recording(const std::string& name) {
+  if (name.starts_with(kRos2)) return true;
   if (const auto segment = read_segment(name)) return is_ros_recording(segment->recording);
   if (is_zip(name)) return is_ros_recording(unpacked(name)->recording());
   std::error_code ignored;

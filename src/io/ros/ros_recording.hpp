@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -47,6 +48,11 @@ class RosRecording {
   [[nodiscard]] virtual std::optional<RosMessage> next() = 0;
   /// Rewinds to the first message.
   virtual void rewind() = 0;
+  /// True for running topics: next() then waits for a message.
+  [[nodiscard]] virtual bool is_live() const { return false; }
+  /// Limits running topics to these; the first is the depth topic. From then on next() throws std::runtime_error each
+  /// second without a depth image.
+  virtual void follow(const std::vector<std::size_t>& /*topics*/) {}
   /// Reason for a premature end of the recording, set at the end.
   [[nodiscard]] const std::optional<std::string>& ended_early() const { return ended_early_; }
 
@@ -143,6 +149,17 @@ class ChunkedRecording : public RosRecording {
 [[nodiscard]] std::unique_ptr<RosRecording> open_rosbag2_db3(const std::filesystem::path& file);
 /// Opens a folder with metadata.yaml; its files are merged by time.
 [[nodiscard]] std::unique_ptr<RosRecording> open_rosbag2_folder(const std::filesystem::path& folder);
+/// Topics of a running ROS 2 graph; `name`: `ros2:` (domain ROS_DOMAIN_ID, else 0) or `ros2:DOMAIN`. Returns after the
+/// first image; next() is empty two seconds later, at the end of the survey, until follow() is called. `compressed`:
+/// compressed topics to read although their raw images are published too; nullopt: all. Throws std::runtime_error with
+/// the cause and the remedy, also without an image within five seconds.
+[[nodiscard]] std::unique_ptr<RosRecording> open_ros2(std::string_view name,
+                                                      std::optional<std::vector<std::string>> compressed = {});
+inline constexpr std::string_view kRos2 = "ros2:";
+/// Domain of such a name. Throws std::runtime_error if it is none.
+[[nodiscard]] std::uint32_t ros2_domain(std::string_view name);
+/// Running depth topics. Throws std::runtime_error without a usable Cyclone DDS.
+[[nodiscard]] std::vector<std::string> ros2_depth_topics();
 /// Opens the container of this name, see is_ros_recording().
 [[nodiscard]] std::unique_ptr<RosRecording> open_ros_recording(const std::filesystem::path& name);
 

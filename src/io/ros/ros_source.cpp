@@ -10,20 +10,21 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <stdexcept>
 
+#include "io/inertial_samples.hpp"
 #include "io/ros/ros_survey.hpp"
 #include "io/ros/time_order.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, as for TUM recordings
-constexpr std::size_t kMaxQueued = 32;        // depth images waiting for data of the same time
-constexpr std::size_t kMaxSamples = 100000;   // of an inertial sensor
+constexpr std::size_t kMaxQueued = 32;     // depth images waiting for data of the same time
+constexpr std::size_t kMaxLiveQueued = 8;  // the same, of running topics
 
 class RosSource final : public Source {
  public:
   RosSource(std::unique_ptr<RosRecording> recording, const SourceOptions& options)
       : recording_(std::move(recording)), plan_(plan_of(*recording_, options)) {
+    if (recording_->is_live()) recording_->follow(topics_of(plan_));
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // errors go into Frame::problem
   }
 
@@ -56,7 +57,7 @@ class RosSource final : public Source {
     }
     buffers_.push_back(std::move(image.bytes));
     attach_color(frame);
-    attach_motion(frame);
+    samples_.attach_to(frame, std::isfinite(last_timestamp_) ? last_timestamp_ : frame.timestamp - plan_.interval);
     last_timestamp_ = frame.timestamp;
     return frame;
   }
@@ -68,10 +69,6 @@ class RosSource final : public Source {
     std::vector<std::uint8_t> bytes;
     std::string place;  // file, topic and position of the message
     std::optional<std::string> problem;
-  };
-  struct Sample {
-    double time;            // seconds
-    Eigen::Vector3d value;  // gyroscope: in its own frame; accelerometer: in the depth camera's frame
   };
 
   static QueuedMessage pop_front(std::deque<QueuedMessage>& queue) {
@@ -92,13 +89,29 @@ class RosSource final : public Source {
 
   [[nodiscard]] double half_interval() const { return 0.5 * plan_.interval; }
 
+  static std::vector<std::size_t> topics_of(const RosPlan& plan) {
+    std::vector<std::size_t> topics{plan.depth.topic};
+    for (const auto* stream : {&plan.color, &plan.gyro, &plan.accelerometer})
+      if (*stream) topics.push_back((*stream)->topic);
+    return topics;
+  }
+
   /// True if all data of the first depth image has been read.
   [[nodiscard]] bool is_ready() const {
+    if (recording_->is_live()) return is_live_ready();
     if (depth_.size() > kMaxQueued) return true;
     if (depth_.size() < kSortWindow) return false;
     const double time = depth_.front().time;
     return (!plan_.color || newest_color_ >= time + half_interval()) && (!plan_.gyro || newest_rate_ >= time) &&
            (!plan_.accelerometer || newest_acceleration_ >= time + kAccelerationWindow);
+  }
+
+  /// The same for running topics, with less delay: their messages arrive in order.
+  [[nodiscard]] bool is_live_ready() const {
+    if (depth_.empty()) return false;
+    if (depth_.size() > kMaxLiveQueued || depth_.back().problem) return true;
+    const double time = depth_.front().time;
+    return (!plan_.color || newest_color_ >= time) && (!plan_.gyro || newest_rate_ >= time);
   }
 
   void read_message() {
@@ -141,16 +154,17 @@ class RosSource final : public Source {
 
   void add_motion(const RosMessage& message, const RosHeader& header) {
     const RosImu imu = read_imu(message.bytes, recording_->topics()[message.topic].encoding);
-    const auto put = [&](const std::optional<RosStream>& stream, const std::optional<Eigen::Vector3d>& value,
-                         const Eigen::Matrix3d& rotation, std::deque<Sample>& samples, double& newest) {
-      if (!stream || stream->topic != message.topic || !value) return;
-      const double time = time_of(*stream, message, header);
-      newest = std::max(newest, time);
-      insert_by_time(samples, {time, rotation * *value}, &Sample::time);
-      if (samples.size() > kMaxSamples) samples.pop_front();
+    const auto time_in = [&](const std::optional<RosStream>& stream) {
+      return stream && stream->topic == message.topic ? std::optional(time_of(*stream, message, header)) : std::nullopt;
     };
-    put(plan_.gyro, imu.rate, Eigen::Matrix3d::Identity(), rates_, newest_rate_);
-    put(plan_.accelerometer, imu.acceleration, plan_.depth_from_accelerometer, accelerations_, newest_acceleration_);
+    if (const auto time = time_in(plan_.gyro); time && imu.rate) {
+      newest_rate_ = std::max(newest_rate_, *time);
+      samples_.add_rate({*time, *imu.rate});
+    }
+    if (const auto time = time_in(plan_.accelerometer); time && imu.acceleration) {
+      newest_acceleration_ = std::max(newest_acceleration_, *time);
+      samples_.add_acceleration(*time, plan_.depth_from_accelerometer * *imu.acceleration);
+    }
   }
 
   [[nodiscard]] RosImage image_in(const QueuedMessage& queued, const RosStream& stream, const Camera& camera) const {
@@ -187,27 +201,11 @@ class RosSource final : public Source {
     }
   }
 
-  void attach_motion(Frame& frame) {
-    const double since = std::isfinite(last_timestamp_) ? last_timestamp_ : frame.timestamp - plan_.interval;
-    for (; !rates_.empty() && rates_.front().time <= frame.timestamp; rates_.pop_front())
-      if (rates_.front().time > since) frame.gyro.push_back({rates_.front().time, rates_.front().value});
-    while (!accelerations_.empty() && accelerations_.front().time < frame.timestamp - kAccelerationWindow)
-      accelerations_.pop_front();
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    int count = 0;
-    for (const Sample& sample : accelerations_) {
-      if (sample.time > frame.timestamp + kAccelerationWindow) break;
-      sum += sample.value;
-      ++count;
-    }
-    if (count > 0) frame.acceleration = sum / count;
-  }
-
   std::unique_ptr<RosRecording> recording_;
   RosPlan plan_;
   std::deque<QueuedMessage> depth_, color_;
   std::vector<std::vector<std::uint8_t>> buffers_;  // buffers of delivered images
-  std::deque<Sample> rates_, accelerations_;
+  InertialSamples samples_;
   double newest_color_ = -INFINITY, newest_rate_ = -INFINITY, newest_acceleration_ = -INFINITY;  // seconds
   double last_timestamp_ = -INFINITY;
   int index_ = 0;
@@ -217,7 +215,10 @@ class RosSource final : public Source {
 }  // namespace
 
 std::unique_ptr<Source> open_ros(const std::filesystem::path& recording, const SourceOptions& options) {
-  return std::make_unique<RosSource>(open_ros_recording(recording), options);
+  auto opened = recording.native().starts_with(kRos2)
+                    ? open_ros2(recording.native(), std::vector{options.depth_topic, options.color_topic})
+                    : open_ros_recording(recording);
+  return std::make_unique<RosSource>(std::move(opened), options);
 }
 
 }  // namespace cairn

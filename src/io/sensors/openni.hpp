@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "cairn/io/sensors.hpp"
 #include "cairn/mapping/frame.hpp"
 
 namespace cairn {
@@ -18,5 +20,7 @@ struct OpenNiOptions {
 /// device, or color to depth here. Throws std::runtime_error with the missing part and the package or permission
 /// needed.
 [[nodiscard]] std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions& options = {});
+/// Connected sensors. Throws std::runtime_error in a build without OpenNI2, and without its drivers.
+[[nodiscard]] std::vector<SensorInfo> list_openni();
 
 }  // namespace cairn

@@ -363,4 +363,16 @@ std::unique_ptr<Source> open_openni(const std::string& uri, const OpenNiOptions&
   return std::make_unique<OpenNiSource>(uri, options);
 }
 
+std::vector<SensorInfo> list_openni() {
+  start_openni();
+  openni::Array<openni::DeviceInfo> devices;
+  openni::OpenNI::enumerateDevices(&devices);
+  std::vector<SensorInfo> sensors;
+  sensors.reserve(static_cast<std::size_t>(devices.getSize()));
+  for (int i = 0; i < devices.getSize(); ++i)
+    sensors.push_back({std::string("openni:") + devices[i].getUri(),
+                       std::string(devices[i].getVendor()) + " " + devices[i].getName()});
+  return sensors;
+}
+
 }  // namespace cairn

@@ -2,36 +2,28 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/video/ffmpeg.hpp"
 
-#include <dlfcn.h>
 #include <fmt/format.h>
 
-#include <stdexcept>
+#include <span>
+
+#include "base/runtime_library.hpp"
 
 namespace cairn {
 namespace {
 
-/// Loads a shared library, until the end of the program.
-void* open_library(const char* name, int version) {
+RuntimeLibrary open_library(const char* name, int version) {
   const std::string file = fmt::format("lib{}.so.{}", name, version);
-  void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (library == nullptr)
-    throw std::runtime_error(fmt::format("videos need FFmpeg, whose {} is not installed: install it (Debian: lib{}{})",
-                                         file, name, version));
-  return library;
-}
-
-template <class Function>
-void find(void* library, const char* name, Function& function) {
-  function = reinterpret_cast<Function>(dlsym(library, name));
-  if (function == nullptr)
-    throw std::runtime_error(fmt::format("videos need FFmpeg, and the installed version lacks {}", name));
+  return {std::span(&file, 1),
+          {.need = "videos need FFmpeg",
+           .install = fmt::format("install it (Debian: lib{}{})", name, version),
+           .update = {}}};
 }
 
 Ffmpeg load() {
   Ffmpeg f;
   // In dependency order.
-  void* library = open_library("avutil", LIBAVUTIL_VERSION_MAJOR);
-#define CAIRN_FIND(name) find(library, #name, f.name);
+  RuntimeLibrary library = open_library("avutil", LIBAVUTIL_VERSION_MAJOR);
+#define CAIRN_FIND(name) library.find(#name, f.name);
   CAIRN_AVUTIL(CAIRN_FIND)
   library = open_library("swscale", LIBSWSCALE_VERSION_MAJOR);
   CAIRN_SWSCALE(CAIRN_FIND)

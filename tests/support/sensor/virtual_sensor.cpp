@@ -9,14 +9,11 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
-#include <fstream>
-#include <iterator>
-#include <sstream>
 #include <string>
 #include <thread>
-#include <vector>
+
+#include "support/sensor/played_images.hpp"
 
 #define XN_NEW(type, ...) new type(__VA_ARGS__)
 #define XN_DELETE(pointer) delete pointer
@@ -26,54 +23,11 @@ namespace {
 constexpr int kWidth = 640, kHeight = 480;
 constexpr const char* kUri = "virtual";
 
-/// Value of a word in CAIRN_SENSOR; "1" for a word without a value, empty if absent.
-std::string setting(const std::string& name) {
-  const char* all = std::getenv("CAIRN_SENSOR");
-  std::istringstream words(all != nullptr ? all : "");
-  for (std::string word; words >> word;) {
-    if (word == name) return "1";
-    if (word.rfind(name + "=", 0) == 0) return word.substr(name.size() + 1);
-  }
-  return {};
-}
-
-struct Images {
-  std::vector<std::vector<char>> depth, color;
-
-  Images() {
-    const std::string folder = setting("frames");
-    for (int i = 0; !folder.empty(); ++i) {
-      auto d = read(folder + "/depth-" + std::to_string(i) + ".raw"),
-           c = read(folder + "/color-" + std::to_string(i) + ".raw");
-      if (d.empty()) break;
-      depth.push_back(std::move(d)), color.push_back(std::move(c));
-    }
-    if (depth.empty()) wall();
-  }
-  static std::vector<char> read(const std::string& file) {
-    std::ifstream in(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-  /// Depth with a sensor's noise and texture, so that recording costs as much.
-  void wall() {
-    std::uint32_t random = 1;
-    for (int i = 0; i < 8; ++i) {
-      depth.emplace_back(2 * kWidth * kHeight), color.emplace_back(3 * kWidth * kHeight);
-      for (int p = 0; p < kWidth * kHeight; ++p) {
-        random = random * 1664525u + 1013904223u;
-        const auto z = static_cast<std::uint16_t>(1000 + p % kWidth + (random >> 24) % 5);
-        std::memcpy(&depth.back()[static_cast<std::size_t>(2 * p)], &z, 2);
-        for (int k = 0; k < 3; ++k)
-          color.back()[static_cast<std::size_t>(3 * p + k)] =
-              static_cast<char>(128 + 100 * std::sin(p * 0.01 * (k + 1)) + static_cast<double>((random >> 20) % 8));
-      }
-    }
-  }
-};
+std::string setting(const std::string& name) { return virtual_sensor::setting("CAIRN_SENSOR", name); }
 
 class Stream final : public oni::driver::StreamBase {
  public:
-  Stream(bool is_depth, const Images& images, std::atomic<int>& shown)
+  Stream(bool is_depth, const virtual_sensor::PlayedImages& images, std::atomic<int>& shown)
       : is_depth_(is_depth), images_(images), shown_(shown) {}
   ~Stream() override { stop(); }
 
@@ -155,7 +109,7 @@ class Stream final : public oni::driver::StreamBase {
   }
 
   bool is_depth_;
-  const Images& images_;
+  const virtual_sensor::PlayedImages& images_;
   std::atomic<int>& shown_;
   std::atomic<bool> running_ = false;
   OniBool mirrored_ = FALSE;
@@ -188,7 +142,7 @@ class Device final : public oni::driver::DeviceBase {
   std::atomic<int> shown = 0;  // depth images
 
  private:
-  Images images_;
+  virtual_sensor::PlayedImages images_{setting("frames"), {kWidth, kHeight}, {kWidth, kHeight}};
   OniVideoMode modes_[2];
   OniSensorInfo sensors_[2];
   int count_ = 0;

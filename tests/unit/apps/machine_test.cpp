@@ -93,14 +93,17 @@ TEST_F(Machine, FindsDepthSensorsOnUsb) {
   plug_in("1-1", "045e", "02ae", "4");
   plug_in("1-2", "8086", "0b07", "5");
   plug_in("1-3", "046d", "c52b", "6");  // a mouse
+  plug_in("1-4", "2bc5", "066b", "7");
   const auto sensors = usb_sensors_of(root.path());
-  ASSERT_EQ(sensors.size(), 2u);
+  ASSERT_EQ(sensors.size(), 3u);
   EXPECT_EQ(sensors[0].name, "Kinect for Xbox 360");
-  EXPECT_TRUE(sensors[0].by_openni);
+  EXPECT_EQ(sensors[0].input, "openni:");
   EXPECT_EQ(sensors[0].node, root / "dev/bus/usb/001/004");
   EXPECT_EQ(sensors[1].name, "RealSense");
-  EXPECT_FALSE(sensors[1].by_openni);
-  EXPECT_NE(sensors[1].advice.find(".bag"), std::string::npos);
+  EXPECT_EQ(sensors[1].input, "realsense:");
+  EXPECT_EQ(sensors[1].advice, "cairn live realsense: -o OUT --view");
+  EXPECT_EQ(sensors[2].name, "Orbbec Femto Bolt");
+  EXPECT_EQ(sensors[2].input, "k4a:");
 }
 
 TEST_F(Machine, ReadsMemoryAndUdevRules) {

@@ -12,6 +12,7 @@ namespace cairn {
 namespace {
 
 constexpr double kReadout = 0.028, kFrameRate = 5;  // seconds; Hz
+constexpr double kEdgeSigma = 0.01;                 // rad, m: weak edges
 
 /// Motion of a camera, in its own frame.
 CameraMotion motion_at(const PoseAt& pose, double t) {
@@ -91,6 +92,53 @@ TEST(Bundle, MovesViewsToAgreeingPoses) {
   EXPECT_LT(after.second, 0.0005);
   EXPECT_NEAR(bundle.shutter().readout, 0, 0.001);
   EXPECT_NEAR(bundle.shutter().clock, 0, 0.001);
+}
+
+TEST(Bundle, ViewsFollowAdjustedNeighbors) {
+  const Views views = swinging_views(14, 0);
+  std::vector<Eigen::Isometry3d> poses;
+  for (std::size_t i = 0; i < views.poses.size(); ++i) poses.push_back(views.poses[i] * misplaced(i / 2));
+  Bundle bundle = bundle_of(views, poses);
+  for (std::size_t i = 1; i < poses.size(); ++i)
+    bundle.add_edge({.i = i - 1,
+                     .j = i,
+                     .i_from_j = poses[i - 1].inverse() * poses[i],
+                     .information = Matrix6d::Identity() / (kEdgeSigma * kEdgeSigma)});
+  Bundle second = bundle.every_second();
+  ASSERT_EQ(second.views(), 8);  // with the last
+  second.adjust(false, Bundle::Detail::coarse);
+  bundle.follow(second);
+  for (std::size_t view = 0; view < second.views(); ++view)
+    EXPECT_TRUE(bundle.world_from_view()[std::min<std::size_t>(2 * view, 13)].isApprox(second.world_from_view()[view]));
+  const auto before = errors(poses, views.poses), after = errors(bundle.world_from_view(), views.poses);
+  EXPECT_LT(after.first, 0.7 * before.first);
+  EXPECT_LT(after.second, 0.7 * before.second);
+  bundle.adjust(false, Bundle::Detail::fine);
+  const auto fine = errors(bundle.world_from_view(), views.poses);
+  EXPECT_LT(fine.first, 0.0005);
+  EXPECT_LT(fine.second, 0.0005);
+}
+
+TEST(Bundle, ComposesTheEdgesOfEachKind) {
+  const Views views = swinging_views(6, 0);
+  Bundle bundle = bundle_of(views, views.poses);
+  for (std::size_t i = 1; i < 6; ++i)
+    for (const bool by_device : {true, false}) {
+      if (by_device && i == 3) continue;  // a device without a pose of view 3
+      Eigen::Isometry3d step = views.poses[i - 1].inverse() * views.poses[i];
+      if (by_device) step.translation().x() += 0.01;
+      bundle.add_edge({.i = i - 1, .j = i, .i_from_j = step, .heavy_tailed = by_device});
+    }
+  const Bundle second = bundle.every_second();  // views 0, 2, 4, 5
+  std::vector<std::pair<std::size_t, bool>> kinds;
+  for (const auto& edge : second.edges()) {
+    EXPECT_EQ(edge.j, edge.i + 1);
+    kinds.emplace_back(edge.i, edge.heavy_tailed);
+    const Eigen::Isometry3d truth = second.world_from_view()[edge.i].inverse() * second.world_from_view()[edge.j];
+    EXPECT_EQ(edge.i_from_j.isApprox(truth, 1e-6), !edge.heavy_tailed);
+  }
+  EXPECT_EQ(kinds,
+            (std::vector<std::pair<std::size_t, bool>>{{0, false}, {0, true}, {1, false}, {2, false}, {2, true}}));
 }
 
 // Brightness is interpolated between pixels: the interpolation error must not depend on a surfel's source view.

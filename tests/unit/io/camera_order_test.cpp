@@ -66,6 +66,16 @@ TEST(CameraOrder, ReadsCameraFileOfAssociations) {
   EXPECT_NEAR(source->next()->timestamp, 1 / 30.0, 1e-6);
 }
 
+TEST(CameraOrder, KeepsTheCalibrationOfAFileWithTheSameCamera) {
+  const TemporaryFolder folder;
+  write_associations(folder / "recording", in_seconds);
+  write_text(folder / "recording" / "camera.yaml", kMineText);
+  Rig found = kMine;
+  found.depth.readout = 0.028;
+  write_rig(folder / "map_camera.yaml", found);
+  EXPECT_EQ(open(folder / "recording", folder / "map_camera.yaml")->rig(), found);
+}
+
 TEST(CameraOrder, AsksForTheCameraOfAnAssociationsList) {
   const TemporaryFolder folder;
   write_associations(folder.path(), in_seconds, 640, 480);

@@ -35,7 +35,7 @@ struct Walk {
           .index = i, .timestamp = 0.2 * i, .depth = std::move(images.depth), .color = std::move(images.color)};
       tracked = i == 0 ? truth[0]
                        : tracked * truth[static_cast<std::size_t>(i) - 1].inverse() * truth.back() * retract(drift);
-      back_end->add(frame, surface_of(frame), tracked, i > 0 ? &information : nullptr, volume,
+      back_end->add(frame, surface_of(frame), tracked, i > 0 ? &information : nullptr, {}, volume,
                     static_cast<std::uint32_t>(i + 1));
     }
     back_end->finish_optimization();
@@ -97,7 +97,7 @@ TEST(BackEnd, AddsNoKeyframesOfARevisitedRoom) {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     pose.translation() = Eigen::Vector3d(0.04 * along, 0.003 * (i % 7), 0);
     const Frame frame{.index = i, .timestamp = 0.1 * i, .depth = std::vector<float>(pixels, 2.0f), .color = {}};
-    back_end.add(frame, surface_of(frame), pose, i > 0 ? &information : nullptr, volume,
+    back_end.add(frame, surface_of(frame), pose, i > 0 ? &information : nullptr, {}, volume,
                  static_cast<std::uint32_t>(i + 1));
     if (i == 100) once = back_end.atlas().keyframes.size();
   }
@@ -127,7 +127,7 @@ TEST(BackEnd, AddsFewerKeyframesWhereManyCoverTheView) {
       pose.translation() = Eigen::Vector3d(0.04 * (goes_back ? kWay - n : n), 0, 0);
       if (looks_back) pose.rotate(about);
       const Frame frame{.index = i, .timestamp = 0.1 * i, .depth = std::vector<float>(pixels, 2.0f), .color = {}};
-      back_end.add(frame, surface_of(frame), pose, i > 0 ? &information : nullptr, volume,
+      back_end.add(frame, surface_of(frame), pose, i > 0 ? &information : nullptr, {}, volume,
                    static_cast<std::uint32_t>(i + 1));
     }
     keyframes.push_back(back_end.atlas().keyframes.size() - before);
@@ -187,7 +187,7 @@ struct TwoPieces {
     Frame frame = scene_frame(synthetic_scene("room"), small_camera(), 12 * i, true);
     frame.index = static_cast<int>(fused_count);
     frame.timestamp = static_cast<double>(fused_count);
-    back_end->add(frame, surface_of(frame), component_from_scene * *frame.world_from_camera, information, volume,
+    back_end->add(frame, surface_of(frame), component_from_scene * *frame.world_from_camera, information, {}, volume,
                   ++fused_count);
   }
   Options options;

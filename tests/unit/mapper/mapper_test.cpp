@@ -41,9 +41,9 @@ Options coarse() {
 bool is_same(const Mesh& a, const Mesh& b) { return a.positions == b.positions && a.triangles == b.triangles; }
 
 /// Writes a session without frames.
-void save(const std::filesystem::path& folder, const Camera& camera, const Options& options) {
+void save(const std::filesystem::path& folder, const Rig& rig, const Options& options) {
   Session session = Session::create(folder);
-  const Mapper mapper = session.mapper(camera, options);
+  const Mapper mapper = session.mapper(rig, options);
   session.checkpoint(mapper);
   EXPECT_FALSE(session.problem());
 }
@@ -88,6 +88,34 @@ TEST(MergeSessions, RejectsDifferentCamerasOrVoxelSizes) {
   options.fuse.voxel_size = 0.04f;
   save(folder / "voxels", small_camera(), options);
   refuses("voxels of 0.04 m", "voxels");
+}
+
+TEST(SessionCalibration, ContinuesWithItsOwn) {
+  const TemporaryFolder folder;
+  Rig found = small_camera(), given = small_camera();
+  found.depth.readout = 0.028, found.depth_correction = {2, 2, {0, 0.001f, 0, -0.001f}};
+  save(folder / "session", found, coarse());
+  const auto continue_with = [&](const Rig& rig) {
+    const Mapper mapper = Session::resume(folder / "session").mapper(rig, coarse());
+    EXPECT_EQ(mapper.rig().depth.readout, found.depth.readout);
+    EXPECT_EQ(mapper.rig().depth_correction, found.depth_correction);
+  };
+  continue_with(given);
+  continue_with(found);
+  given.depth.readout = 0.02;
+  EXPECT_NE(error_of([&] { continue_with(given); }).find("another camera"), std::string::npos);
+}
+
+TEST(MergeSessions, AcceptsDifferentReadouts) {
+  const TemporaryFolder folder;
+  Rig found = small_camera();
+  found.depth.readout = 0.028;
+  save(folder / "a", found, coarse());
+  save(folder / "b", small_camera(), coarse());
+  EXPECT_EQ(error_of([&] {
+              (void)merge_sessions({folder / "a", folder / "b"}, folder / "merged");
+            }).find("another camera"),
+            std::string::npos);
 }
 
 TEST(Mapper, RejectsInvalidFrames) {
@@ -382,6 +410,38 @@ TEST(Mapper, StartsNoComponentWithoutDepth) {
     std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
     dark.depth[static_cast<std::size_t>(i)] = 1;  // an identical image would be a stuck sensor
     EXPECT_EQ(mapper.add(dark).state, FrameState::lost);
+  }
+  EXPECT_EQ(mapper.statistics().components, 1);
+}
+
+TEST(Mapper, FindsAKnownViewAgainWithinFiveFrames) {
+  constexpr int kMapped = 60, kEvery = 3, kDark = 20, kMaxFrames = 5;
+  const Scene room = synthetic_scene("room");
+  Mapper mapper(small_camera(), coarse());
+  int added = 0;
+  const auto add = [&](Frame frame) {
+    frame.index = added;
+    frame.timestamp = added++ / 30.0;
+    return mapper.add(frame);
+  };
+  const auto seen = [&](int i) { return scene_frame(room, small_camera(), kEvery * i, true); };
+  for (int i = 0; i < kMapped; ++i) ASSERT_EQ(add(seen(i)).state, FrameState::fused) << i;
+  const Eigen::Isometry3d first = room.world_from_camera(0);
+  for (const int place : {5, 25, 45}) {
+    for (int i = 0; i < kDark; ++i) {
+      Frame dark = seen(kMapped - 1);
+      std::fill(dark.depth.begin(), dark.depth.end(), 0.0f);
+      std::fill(dark.color.begin(), dark.color.end(), 0xff000000u);
+      dark.depth[static_cast<std::size_t>(added)] = 1;  // an identical image would be a stuck sensor
+      EXPECT_EQ(add(std::move(dark)).state, FrameState::lost);
+    }
+    FrameReport report;
+    int frames = 0;
+    do report = add(seen(place + frames));
+    while (++frames < kMaxFrames && report.state != FrameState::fused);
+    ASSERT_EQ(report.state, FrameState::fused) << place;
+    const Eigen::Isometry3d truth = first.inverse() * room.world_from_camera(kEvery * (place + frames - 1) / 30.0);
+    EXPECT_LT((report.tracked_from_camera->translation() - truth.translation()).norm(), 0.02) << place;
   }
   EXPECT_EQ(mapper.statistics().components, 1);
 }

@@ -3,7 +3,12 @@
 // Stages after the last frame, judged by held-out frames.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "cairn/io/source.hpp"
 #include "cairn/mapping/mapper.hpp"
@@ -63,6 +68,7 @@ TEST(Quality, KeepsStagesThatHeldOutFramesConfirmAndFusesTheseFrames) {
   EXPECT_LT(report.error->depth_rmse, 0.02);
   EXPECT_LE(report.error->depth_rmse, 1.03 * report.error_before->depth_rmse);
   EXPECT_TRUE(report.is_kept && report.is_reintegrated && report.has_fused_held_out);
+  EXPECT_EQ(mapper.rig().depth, kSmall);
   EXPECT_EQ(mapper.trajectory().size(), static_cast<std::size_t>(kFrames));
   EXPECT_LT(largest_error(mapper), 0.01);
 }
@@ -95,6 +101,82 @@ TEST(Quality, FusesHeldOutFramesIntoTheTrackedMapToo) {
   EXPECT_FALSE(report.is_kept);
   EXPECT_TRUE(report.has_fused_held_out);
   EXPECT_GE(mapper.statistics().bricks, bricks);
+}
+
+constexpr double kReadout = 0.028;
+
+/// The room from a swinging camera with a rolling shutter, every twelfth frame held out. The rig has no readout.
+/// `depth_factor`: multiplies all depth.
+std::unique_ptr<Source> rolling_room(float depth_factor = 1) {
+  static const std::vector<Frame> rendered = [] {
+    constexpr int kCount = 90;
+    const Scene scene = synthetic_scene("room");
+    Camera camera = synthetic_camera();
+    camera.readout = kReadout;
+    SceneRenderer renderer(test_device(), scene, camera);
+    std::vector<Frame> frames;
+    for (int i = 0; i < kCount; ++i) {
+      auto images = renderer.render(swung_in(scene), i / 30.0);
+      add_noise(images, camera, "kinect", 1, i);
+      frames.push_back(
+          {.index = i, .timestamp = i / 30.0, .depth = std::move(images.depth), .color = std::move(images.color)});
+    }
+    return frames;
+  }();
+  std::vector<Frame> frames = rendered;
+  for (Frame& frame : frames)
+    for (float& z : frame.depth) z *= depth_factor;
+  return hold_out(std::make_unique<GivenFrames>(synthetic_camera(), frames), {.every = 12});
+}
+
+Mapper mapped_rolling_room() {
+  Mapper mapper(synthetic_camera(), {.fuse = {.voxel_size = 0.02f, .truncation = 0.08f}});
+  const auto source = rolling_room();
+  while (const auto frame = source->next()) (void)mapper.add(*frame);
+  return mapper;
+}
+
+/// Root mean square error of the motion over ten frames, meters.
+double relative_error(const Mapper& mapper) {
+  constexpr std::size_t kSteps = 10;
+  const PoseAt truth = swung_in(synthetic_scene("room"));
+  const Trajectory poses = mapper.trajectory();
+  double squared = 0;
+  for (std::size_t i = kSteps; i < poses.size(); ++i) {
+    const StampedPose &from = poses[i - kSteps], &to = poses[i];
+    const Eigen::Isometry3d motion = from.world_from_camera.inverse() * to.world_from_camera;
+    squared += (motion.inverse() * truth(from.timestamp).inverse() * truth(to.timestamp)).translation().squaredNorm();
+  }
+  return std::sqrt(squared / static_cast<double>(poses.size() - kSteps));
+}
+
+TEST(Quality, UsesAReadoutThatHeldOutSurfelsConfirm) {
+  Mapper mapper = mapped_rolling_room(), uncorrected = mapped_rolling_room();
+  const auto again = rolling_room(), same = rolling_room();
+  const FinishReport report = mapper.finish(finish_options(Quality::good, again.get()));
+  ASSERT_TRUE(report.error_before && report.error && report.adjusted);
+  EXPECT_TRUE(report.is_kept && report.is_reintegrated);
+  EXPECT_NEAR(mapper.rig().depth.readout, kReadout, 0.003);
+  EXPECT_TRUE(mapper.warnings().empty());
+  const AdjustReport adjusted = uncorrected.adjust();
+  uncorrected.reintegrate(*same, adjusted.correction);
+  EXPECT_EQ(uncorrected.rig().depth.readout, 0);
+  std::printf("readout %.2f ms; error %.2f mm, %.2f without; depth %.2f -> %.2f mm\n",
+              1000 * mapper.rig().depth.readout, 1000 * relative_error(mapper), 1000 * relative_error(uncorrected),
+              1000 * report.error_before->depth_rmse, 1000 * report.error->depth_rmse);
+  EXPECT_LT(relative_error(mapper), 0.7 * relative_error(uncorrected));
+  EXPECT_LT(report.error->depth_rmse, report.error_before->depth_rmse);
+}
+
+TEST(Quality, RestoresTheShutterOfTheTrackedMap) {
+  Mapper mapper = mapped_rolling_room(), tracked = mapped_rolling_room();
+  tracked.freeze_gravity();
+  const auto wrong = rolling_room(1.04f);
+  const FinishReport report = mapper.finish(finish_options(Quality::good, wrong.get()));
+  EXPECT_FALSE(report.is_kept);
+  EXPECT_EQ(mapper.rig(), tracked.rig());
+  const Mesh mesh = mapper.map().mesh(), expected = tracked.map().mesh();
+  EXPECT_TRUE(mesh.positions == expected.positions && mesh.triangles == expected.triangles);
 }
 
 TEST(Quality, KeepsStagesWithoutHeldOutFrames) {

@@ -45,7 +45,7 @@ struct Mapped {
     const Matrix6d information = 1e6 * Matrix6d::Identity();
     for (std::size_t i = 0; i < frames; ++i)
       back_end.add(d.frames[i], surface_of(d.frames[i]), d.tracked[i].world_from_camera, i > 0 ? &information : nullptr,
-                   volume, static_cast<std::uint32_t>(i + 1));
+                   {}, volume, static_cast<std::uint32_t>(i + 1));
   }
   Options options;
   Volume volume{test_device(), options.fuse, 5.0f};

@@ -99,7 +99,7 @@ TEST(Tracker, MasksMovingPixelsAtTheFinalPose) {
   // Testing and rejecting another guess predicts the map from another pose.
   const int before = t.raycasts();
   Tracker::State state = t.tracker.state();
-  state.mean_photometric_rmse = 1e-6;  // every change is sudden
+  state.typical.photometric_rmse = 1e-6;  // every change is sudden
   t.tracker.restore({.state = state, .reference = t.tracker.save().reference});
   const TrackingResult doubted = track();
   EXPECT_EQ(doubted.guess, InitialGuess::motion);

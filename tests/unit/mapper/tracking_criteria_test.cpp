@@ -43,16 +43,43 @@ TEST(TrackingCriteria, RetryABadFit) {
     a.fit.photometric_rmse = rmse;
     return a;
   };
-  EXPECT_FALSE(is_doubtful(good(), 0.03));
+  EXPECT_FALSE(is_doubtful(good(), {}));
   Alignment lost = good();
   lost.lost = FrameCause::out_of_view;
-  EXPECT_TRUE(is_doubtful(lost, 0.03));
-  EXPECT_FALSE(is_doubtful(with_misfit(kBelow * kRetryMisfit), 0.03));
-  EXPECT_TRUE(is_doubtful(with_misfit(kAbove * kRetryMisfit), 0.03));
-  EXPECT_FALSE(is_doubtful(with_brightness(kBelow * kRetryPhotometricRmse), 1));
-  EXPECT_TRUE(is_doubtful(with_brightness(kAbove * kRetryPhotometricRmse), 1));
-  EXPECT_FALSE(is_doubtful(with_brightness(kBelow * kRetryRmseRatio * 0.03), 0.03));
-  EXPECT_TRUE(is_doubtful(with_brightness(kAbove * kRetryRmseRatio * 0.03), 0.03));
+  EXPECT_TRUE(is_doubtful(lost, {}));
+  EXPECT_FALSE(is_doubtful(with_misfit(kBelow * kRetryMisfit), {}));
+  EXPECT_TRUE(is_doubtful(with_misfit(kAbove * kRetryMisfit), {}));
+  EXPECT_FALSE(is_doubtful(with_brightness(kBelow * kRetryPhotometricRmse), {.photometric_rmse = 1}));
+  EXPECT_TRUE(is_doubtful(with_brightness(kAbove * kRetryPhotometricRmse), {.photometric_rmse = 1}));
+  EXPECT_FALSE(is_doubtful(with_brightness(kBelow * kRetryRmseRatio * 0.03), {}));
+  EXPECT_TRUE(is_doubtful(with_brightness(kAbove * kRetryRmseRatio * 0.03), {}));
+}
+
+TEST(TrackingCriteria, NoisySensorIsNotRetriedIfBrightnessConfirms) {
+  const TypicalFit noisy{.misfit = 5};
+  EXPECT_FALSE(is_doubtful(with_misfit(kBelow * kRetryMisfitRatio * noisy.misfit), noisy));
+  EXPECT_TRUE(is_doubtful(with_misfit(kAbove * kRetryMisfitRatio * noisy.misfit), noisy));
+  Alignment without_color = with_misfit(kAbove * kRetryMisfit);
+  without_color.fit.photometric_share = 0;
+  EXPECT_TRUE(is_doubtful(without_color, noisy));
+}
+
+TEST(TrackingCriteria, BrightnessConfirmsAPoorFitOfDepth) {
+  EXPECT_FALSE(is_poor(with_misfit(kAbove * kMaxMisfit), {}));
+  EXPECT_TRUE(is_poor(with_misfit(kAbove * kMaxConfirmedMisfit), {}));
+  Alignment dark = with_misfit(kAbove * kMaxMisfit);
+  dark.fit.photometric_share = kBelow * kMinConfirmedShare;
+  EXPECT_TRUE(is_poor(dark, {}));
+  Alignment blurred = with_misfit(kAbove * kMaxMisfit);
+  blurred.fit.photometric_rmse = kAbove * kRetryPhotometricRmse;
+  EXPECT_TRUE(is_poor(blurred, {}));
+}
+
+TEST(TrackingCriteria, TypicalFitFollowsTheSensor) {
+  TypicalFit typical;
+  for (int i = 0; i < 100; ++i) typical.add(with_misfit(5));
+  EXPECT_NEAR(typical.misfit, 5, 0.01);
+  EXPECT_NEAR(typical.photometric_rmse, 0.03, 1e-6);
 }
 
 TEST(TrackingCriteria, PreferAClearlyBetterPose) {
@@ -102,12 +129,24 @@ TEST(TrackingCriteria, LimitTheSpeedOfHandsRobotsAndDrones) {
   EXPECT_THROW((void)motion_of("fish"), std::runtime_error);
 }
 
+TEST(TrackingCriteria, RelocalizeWithBrightnessAsGoodAsBefore) {
+  const auto is_found = [](double rmse, double typical) {
+    Alignment a = good();
+    a.fit.photometric_rmse = rmse;
+    return is_certain(a, {.photometric_rmse = typical});
+  };
+  EXPECT_FALSE(is_found(0.07, 0.01));  // another place of a flat at 4 Hz
+  EXPECT_TRUE(is_found(kBelow * kAlwaysRelocalizedRmse, 0.001));
+  EXPECT_TRUE(is_found(kBelow * kRetryPhotometricRmse, 1));
+  EXPECT_FALSE(is_found(kAbove * kRetryPhotometricRmse, 1));
+}
+
 TEST(TrackingCriteria, RequireMoreAfterTrackingLoss) {
-  EXPECT_TRUE(is_certain(good()));
+  EXPECT_TRUE(is_certain(good(), {}));
   const auto changed = [](double AlignmentFit::*what, double value) {
     Alignment a = good();
     a.fit.*what = value;
-    return is_certain(a);
+    return is_certain(a, {});
   };
   EXPECT_TRUE(changed(&AlignmentFit::inlier_share, kAbove * kMinRelocalizedInliers));
   EXPECT_FALSE(changed(&AlignmentFit::inlier_share, kBelow * kMinRelocalizedInliers));
@@ -116,21 +155,22 @@ TEST(TrackingCriteria, RequireMoreAfterTrackingLoss) {
   EXPECT_TRUE(changed(&AlignmentFit::photometric_share, kAbove * kMinRelocalizedPhotometricShare));
   EXPECT_FALSE(changed(&AlignmentFit::photometric_share, kBelow * kMinRelocalizedPhotometricShare));
   EXPECT_TRUE(changed(&AlignmentFit::photometric_share, 0));  // no color
-  EXPECT_TRUE(changed(&AlignmentFit::photometric_rmse, kBelow * kRetryPhotometricRmse));
-  EXPECT_FALSE(changed(&AlignmentFit::photometric_rmse, kAbove * kRetryPhotometricRmse));
-  EXPECT_TRUE(is_certain(with_misfit(kBelow * kMaxRelocalizedMisfit)));
-  EXPECT_FALSE(is_certain(with_misfit(kAbove * kMaxRelocalizedMisfit)));
+  constexpr double kMaxRmse = kRetryRmseRatio * kTypicalPhotometricRmse;
+  EXPECT_TRUE(changed(&AlignmentFit::photometric_rmse, kBelow * kMaxRmse));
+  EXPECT_FALSE(changed(&AlignmentFit::photometric_rmse, kAbove * kMaxRmse));
+  EXPECT_TRUE(is_certain(with_misfit(kBelow * kMaxRelocalizedMisfit), {}));
+  EXPECT_FALSE(is_certain(with_misfit(kAbove * kMaxRelocalizedMisfit), {}));
   Alignment a = good();
   a.fit.unobserved = 1;
-  EXPECT_FALSE(is_certain(a));
+  EXPECT_FALSE(is_certain(a, {}));
 }
 
 TEST(TrackingCriteria, RejectWallsAloneAfterALongLoss) {
   Alignment by_depth = good();
   by_depth.fit.photometric_share = 0;
-  EXPECT_TRUE(is_certain_in_place(by_depth, kMaxLostFramesInPlace));
-  EXPECT_FALSE(is_certain_in_place(by_depth, kMaxLostFramesInPlace + 1));
-  EXPECT_TRUE(is_certain_in_place(good(), 1000));
+  EXPECT_TRUE(is_certain_in_place(by_depth, kMaxLostFramesInPlace, {}));
+  EXPECT_FALSE(is_certain_in_place(by_depth, kMaxLostFramesInPlace + 1, {}));
+  EXPECT_TRUE(is_certain_in_place(good(), 1000, {}));
 }
 
 TEST(TrackingCriteria, ReplaceADistantPhotometricReference) {

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 
+#include "geometry/readout.hpp"
 #include "preprocess/preprocess.hpp"
 #include "support/scenes.hpp"
 

@@ -149,8 +149,13 @@ TEST(SessionFiles, WithInvalidValuesAreRejected) {
       [](SessionState& s) { s.tracker.state.last.clear(); },
       [](SessionState& s) { s.tracker.state.last.push_back(s.tracker.state.last[0]); },
       [](SessionState& s) { s.tracker.state.lost_frames = -1; },
-      [&](SessionState& s) { s.tracker.state.mean_photometric_rmse = nan; },
+      [&](SessionState& s) { s.tracker.state.typical.photometric_rmse = nan; },
       [&](SessionState& s) { s.tracker.state.focal_costs[0] = nan; },
+      [&](SessionState& s) { s.tracker.state.device.window = {.timestamp = nan}; },
+      [&](SessionState& s) { s.tracker.state.device.windows = {{.rotation = nan}}; },
+      [](SessionState& s) { s.tracker.state.device.contradictions = -1; },
+      [&](SessionState& s) { s.back_end.atlas.keyframes[0].device_pose = no_pose; },
+      [&](SessionState& s) { s.back_end.atlas.keyframes[0].device_drift = {.translation = nan}; },
       [&](SessionState& s) { s.tracker.reference.submap_from_camera = no_pose; },
       [&](SessionState& s) { s.tracker.prediction.submap_from_camera = no_pose; },
       [](SessionState& s) { s.tracker.state.frames_of_prediction = -1; },
@@ -382,7 +387,7 @@ TEST(SessionFiles, ReportMissingOrDamagedFrames) {
   write_text(file, bytes.substr(0, 5));
   expect_read_error("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_read_error("was written by another version of cairn (format 1, this one reads 9 to 15)");
+  expect_read_error("was written by another version of cairn (format 1, this one reads 9 to 16)");
   fs::remove(file);
   expect_read_error("cannot be opened");
 }

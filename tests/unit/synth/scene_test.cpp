@@ -60,7 +60,7 @@ TEST_P(EveryScene, HasAnExactMesh) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, EveryScene,
-                         testing::Values("room", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop",
+                         testing::Values("room", "flat", "twin-rooms", "sphere", "plane", "corridor", "loop", "door",
                                          "building?recording=1"),
                          [](const auto& parameter) {
                            std::string name = parameter.param;

@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "net/file_below.hpp"
 #include "support/files.hpp"
-#include "view/file_below.hpp"
 #include "view/finished_map.hpp"
 
 namespace cairn {

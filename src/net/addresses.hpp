@@ -15,4 +15,7 @@ struct NetworkAddress {
 /// Addresses of all active interfaces except loopback; containers and virtual machines come last.
 [[nodiscard]] std::vector<NetworkAddress> network_addresses();
 
+/// True if only this machine reaches a server at `host`: empty, localhost, 127.0.0.0/8 or ::1.
+[[nodiscard]] bool is_loopback(const std::string& host);
+
 }  // namespace cairn

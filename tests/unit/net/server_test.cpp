@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/server.hpp"
+#include "net/server.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/file_below.hpp"
+#include "net/file_below.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/addresses.hpp"
+#include "net/addresses.hpp"
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
@@ -49,6 +49,15 @@ std::vector<NetworkAddress> network_addresses() {
     return key(a) < key(b);
   });
   return addresses;
+}
+
+bool is_loopback(const std::string& host) {
+  if (host.empty() || host == "localhost") return true;
+  in_addr v4{};
+  in6_addr v6{};
+  constexpr std::uint32_t kLoopback = 127;
+  if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return ntohl(v4.s_addr) >> 24 == kLoopback;
+  return inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6);
 }
 
 }  // namespace cairn

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/server.hpp"
+#include "net/server.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -29,15 +29,16 @@
 #include <charconv>
 #include <chrono>
 #include <optional>
-#include <random>
 #include <set>
 #include <stdexcept>
 #include <thread>
 
 #include "base/json_text.hpp"
-#include "view/addresses.hpp"
-#include "view/certificate.hpp"
-#include "view/file_below.hpp"
+#include "net/addresses.hpp"
+#include "net/certificate.hpp"
+#include "net/file_below.hpp"
+#include "net/sent_messages.hpp"
+#include "net/token.hpp"
 
 namespace cairn {
 namespace {
@@ -51,25 +52,11 @@ using Plain = beast::tcp_stream;
 using Secure = beast::ssl_stream<beast::tcp_stream>;
 
 constexpr auto kPollInterval = 15ms;                        // polling interval of the feed
+constexpr auto kAnswerInterval = 2ms;                       // polling interval of the answers to a sender
 constexpr std::size_t kMaxMessage = 4096;                   // maximum bytes of a viewer's message
 constexpr std::size_t kMaxHeader = 16384;                   // bytes
 constexpr std::size_t kChunkSize = std::size_t{256} << 10;  // bytes of a file per write
 constexpr std::size_t kMinCompressedSize = 1024;            // bytes
-
-std::string random_token() {
-  std::random_device random;
-  std::string token;
-  for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", random());
-  return token;
-}
-
-/// Constant-time comparison, so that a token cannot be guessed letter by letter.
-bool is_same(std::string_view a, std::string_view b) {
-  if (a.size() != b.size()) return false;
-  volatile unsigned char difference = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) difference = difference | static_cast<unsigned char>(a[i] ^ b[i]);
-  return difference == 0;
-}
 
 /// A connection. The server may close it for a newer connection: before it has sent the token at any time, later only
 /// between requests.
@@ -137,6 +124,11 @@ class Present {
   std::shared_ptr<Peer> peer_;
 };
 
+std::string address_text(const tcp::socket& socket) {
+  boost::system::error_code ignored;
+  return socket.remote_endpoint(ignored).address().to_string();
+}
+
 std::string network_of(const tcp::socket& socket) {
   boost::system::error_code ignored;
   const asio::ip::address address = socket.remote_endpoint(ignored).address();
@@ -157,6 +149,18 @@ class Viewing {
 
  private:
   Feed& feed_;
+};
+
+class Sending {
+ public:
+  Sending(Inbox& inbox, int id) : inbox_(inbox), id_(id) {}
+  ~Sending() { inbox_.leave(id_); }
+  Sending(const Sending&) = delete;
+  Sending& operator=(const Sending&) = delete;
+
+ private:
+  Inbox& inbox_;
+  int id_;
 };
 
 using Request = http::request<http::empty_body>;
@@ -181,8 +185,8 @@ struct Gate {
   /// Name below the token in a request, if any.
   [[nodiscard]] std::optional<std::string> to_string(const Request& request) const {
     const std::string_view target(request.target().data(), request.target().size());
-    const std::string prefix = "/" + token + "/";
-    if (!is_same(target.substr(0, prefix.size()), prefix)) return std::nullopt;
+    const std::string prefix = token.empty() ? "/" : "/" + token + "/";
+    if (!is_same_token(target.substr(0, prefix.size()), prefix)) return std::nullopt;
     return from_uri(std::string(target.substr(prefix.size(), target.find('?') - prefix.size())));
   }
 };
@@ -418,22 +422,22 @@ std::vector<NetworkAddress> client_addresses(const asio::ip::address& listened) 
 }  // namespace
 
 struct Server::State {
-  State(const ViewerAddress& at, Files&& given, Feed* feed_, const ServerLimits& l)
-      : files(entries_of(std::move(given))), feed(feed_), limits(l) {
+  State(const ViewerAddress& at, Files&& given, Feed* feed_, const ServerLimits& l, const Inlet& i)
+      : files(entries_of(std::move(given))), feed(feed_), limits(l), inlet(i) {
     const asio::ip::address host = address_of(at.host);
     listen(host, at.port);
     const auto reachable = client_addresses(host);
-    gate.scheme = host.is_loopback() ? "http" : "https";
-    gate.token = random_token();
+    gate.scheme = inlet.is_tcp ? "tcp" : host.is_loopback() ? "http" : "https";
+    gate.token = inlet.inbox == nullptr ? random_token() : inlet.token;
+    const std::string path = inlet.is_tcp ? "" : gate.token.empty() ? "/" : "/" + gate.token + "/";
     const auto port = acceptor.local_endpoint().port();
     for (const NetworkAddress& a : reachable) {
       const std::string found = fmt::format("{}:{}", in_url(a.address), port);
       gate.hosts.insert(found);
-      site.urls.push_back(
-          {.url = fmt::format("{}://{}/{}/", gate.scheme, found, gate.token), .interface = a.interface});
+      site.urls.push_back({.url = fmt::format("{}://{}{}", gate.scheme, found, path), .interface = a.interface});
     }
     if (host.is_loopback() || host.is_unspecified()) gate.hosts.insert(fmt::format("localhost:{}", port));
-    if (!host.is_loopback()) secure(at, reachable);
+    if (!host.is_loopback() && !inlet.is_tcp) secure(at, reachable);
     spawn(accept());
     thread = std::jthread([this] { run(); });
   }
@@ -515,6 +519,10 @@ struct Server::State {
     Plain plain(std::move(socket));
     peer->stream = &plain;
     plain.expires_after(limits.greeting);  // limit for everything before the token
+    if (inlet.is_tcp) {
+      TcpMessages messages(plain);
+      co_return co_await receive(messages, peer, address_text(plain.socket()));
+    }
     beast::flat_buffer buffer;
     if (!tls) {
       if (co_await talk(plain, buffer, peer, is_far)) plain.socket().shutdown(tcp::socket::shutdown_send, ignored);
@@ -554,6 +562,11 @@ struct Server::State {
     return feed != nullptr && gate.to_string(request) == "live" && beast::websocket::is_upgrade(request);
   }
 
+  /// Returns true if a valid request opens a WebSocket for messages.
+  [[nodiscard]] bool asks_to_send(const Request& request) const {
+    return inlet.inbox != nullptr && gate.to_string(request) == "frames" && beast::websocket::is_upgrade(request);
+  }
+
   /// Returns true if the caller must close the stream, false if a WebSocket has taken it.
   template <class Stream>
   asio::awaitable<bool> talk(Stream& stream, beast::flat_buffer& buffer, const std::shared_ptr<Peer>& peer,
@@ -567,6 +580,11 @@ struct Server::State {
         beast::get_lowest_layer(stream).expires_never();  // the WebSocket has its own timeout
         peer->stream = nullptr;
         co_await follow(std::move(stream), request);
+        co_return false;
+      }
+      if (gate.is_ours(request) && asks_to_send(request)) {
+        peer->stream = nullptr;
+        co_await take_messages(std::move(stream), request, peer);
         co_return false;
       }
       co_await answer(stream, request, is_far);
@@ -625,6 +643,51 @@ struct Server::State {
     co_return co_await asio::co_spawn(pool, work, asio::use_awaitable);
   }
 
+  template <class Stream>
+  asio::awaitable<void> take_messages(Stream&& stream, const Request& request, std::shared_ptr<Peer> peer) {
+    using Layer = std::remove_reference_t<Stream>;
+    beast::websocket::stream<Layer> socket(std::forward<Stream>(stream));
+    WebSocketMessages<Layer> messages(socket);
+    beast::get_lowest_layer(socket).expires_after(limits.greeting);
+    co_await socket.async_accept(request, asio::use_awaitable);
+    co_await receive(messages, peer, address_text(beast::get_lowest_layer(socket).socket()));
+  }
+
+  /// Passes messages to the inbox until the sender disconnects or is refused.
+  template <class Messages>
+  asio::awaitable<void> receive(Messages& messages, std::shared_ptr<Peer> peer, std::string address) {
+    std::string problem;
+    try {
+      auto first = co_await messages.read(kMaxFirstMessage, limits.greeting);
+      const Inbox::Sender sender = inlet.inbox->enter(std::move(first), address);
+      const Sending sending(*inlet.inbox, sender.id);
+      peer->is_idle = false;
+      peers.greet(peer);
+      co_await relay(messages, sender);
+    } catch (const boost::system::system_error&) {
+      throw;  // the client disconnected or sent invalid data
+    } catch (const std::runtime_error& error) {
+      problem = error.what();
+    }
+    if (!problem.empty()) {
+      spdlog::warn(fmt::format("{}: client {}: {}; the client is dropped", inlet.name, address, problem));
+      co_await messages.write(error_text(problem), limits.patience);
+    }
+    co_await messages.close();
+  }
+
+  /// Writes the answer to each message before the next is read. Returns after the last answer.
+  template <class Messages>
+  asio::awaitable<void> relay(Messages& messages, Inbox::Sender sender) {
+    while (true) {
+      std::optional<Inbox::Answer> answer;
+      while (!(answer = inlet.inbox->take_answer(sender.id))) co_await pause(kAnswerInterval);
+      co_await messages.write(std::move(answer->text), limits.patience);
+      if (answer->is_last) co_return;
+      inlet.inbox->put(sender.id, co_await messages.read(sender.max_message, limits.patience));
+    }
+  }
+
   /// Sends updates and receives requests until the viewer disconnects.
   template <class Stream>
   asio::awaitable<void> follow(Stream&& stream, const Request& request) {
@@ -663,6 +726,7 @@ struct Server::State {
   Entries files;  // accessed only by the server thread
   Feed* feed;
   ServerLimits limits;
+  Inlet inlet;
   Peers peers{limits};  // accessed only by the server thread
   std::atomic<bool> is_opened = false;
   Gate gate;
@@ -674,8 +738,8 @@ struct Server::State {
   std::jthread thread;  // last member: uses the members above
 };
 
-Server::Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits)
-    : state_(std::make_unique<State>(at, std::move(files), feed, limits)) {}
+Server::Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits, const Inlet& inlet)
+    : state_(std::make_unique<State>(at, std::move(files), feed, limits, inlet)) {}
 Server::~Server() = default;
 
 void Server::add(Files&& files) {

@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Web server of the viewer; the only user of Boost.Beast.
+// Web server of the viewer, and receiver of messages from cameras; the only user of Boost.Beast.
 #pragma once
 #include <chrono>
 #include <map>
 #include <memory>
 #include <string>
 
-#include "cairn/mapping/viewer.hpp"
-#include "view/feed.hpp"
-#include "view/served.hpp"
+#include "cairn/mapping/viewer_address.hpp"
+#include "net/feed.hpp"
+#include "net/inbox.hpp"
+#include "net/served.hpp"
 
 namespace cairn {
 
@@ -22,15 +23,25 @@ struct ServerLimits {
   int viewers = 32;      // connections that follow the feed
 };
 
+/// Receives messages of a sender, a camera in place of a browser.
+struct Inlet {
+  Inbox* inbox = nullptr;  // null: none
+  /// Messages with a length prefix over plain TCP, and no HTTP. False: a WebSocket at `frames` below the token.
+  bool is_tcp = false;
+  std::string name;   // begin of warnings
+  std::string token;  // in the addresses, in place of a random token; empty: addresses without a token
+};
+
 /// Serves http://127.0.0.1:PORT/TOKEN/ in its own thread, only to this machine, to clients with the token, and to pages
 /// served by it: other Hosts and Origins are refused. With ViewerAddress::host, serves over TLS with its own
-/// certificate to all clients that reach the address. A WebSocket at `live` follows the feed.
+/// certificate to all clients that reach the address. A WebSocket at `live` follows the feed. With an inlet for TCP,
+/// receives its messages at tcp://HOST:PORT instead, without TLS.
 class Server {
  public:
   using Files = std::map<std::string, Served>;
   /// `files` are keyed by the name below the token; "" is the page. Without `feed` (null) there is no WebSocket. Throws
   /// std::runtime_error if the port is in use or the address does not belong to this machine.
-  Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits = {});
+  Server(const ViewerAddress& at, Files files, Feed* feed, const ServerLimits& limits = {}, const Inlet& inlet = {});
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;

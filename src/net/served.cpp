@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/served.hpp"
+#include "net/served.hpp"
 
 #include <future>
 #include <optional>
 
-#include "view/gzip.hpp"
+#include "net/gzip.hpp"
 
 namespace cairn {
 

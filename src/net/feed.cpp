@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "view/feed.hpp"
+#include "net/feed.hpp"
 
 #include <algorithm>
 #include <utility>
