@@ -6,8 +6,9 @@
 #
 # LEFT_OUT: gtest patterns of tests for features missing in this build (CAIRN_OPENNI, CAIRN_VIEWER).
 #
-# Labels: quick or slow; data (needs recordings beside the project's folder), program (runs cairn as a user does),
-# subgroups (sums with subgroups of 4 and 16), browser in CMakeLists.txt, and python in python/CMakeLists.txt.
+# Labels: quick or slow; long (30 s and more, without recordings), data (needs recordings beside the project's folder),
+# program (runs cairn as a user does), subgroups (sums with subgroups of 4 and 16), browser and packaging in
+# CMakeLists.txt, and python in python/CMakeLists.txt.
 cmake_minimum_required(VERSION 3.25)
 if(NOT EXISTS "${PROGRAM}")
   add_test(cairn_tests_is_not_built "${PROGRAM}")
@@ -59,6 +60,9 @@ function(add name filter seconds)
       list(APPEND labels ${label})
     endif()
   endforeach()
+  if(NOT seconds LESS 30 AND NOT data IN_LIST labels)
+    list(APPEND labels long)
+  endif()
   set_tests_properties("${name}" PROPERTIES LABELS "${labels}" COST ${seconds} TIMEOUT 600)
   if(data IN_LIST labels)
     set_tests_properties("${name}" PROPERTIES SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\] 1 test")
