@@ -32,7 +32,7 @@ MeshTopology examine_topology(const Mesh& mesh) {
   }
   topology.unreferenced_vertices = static_cast<std::size_t>(std::count(used.begin(), used.end(), false));
   const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
-  topology.non_manifold_vertices = fans_of(mesh, sides, vertex_id).several.size();
+  topology.non_manifold_vertices = vertices_with_several_fans(mesh, vertex_id).size();
   std::set<std::array<std::uint32_t, 3>> corners;
   for (const auto& t : mesh.triangles) {
     std::array<std::uint32_t, 3> c{vertex_id[t[0]], vertex_id[t[1]], vertex_id[t[2]]};

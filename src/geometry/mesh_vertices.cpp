@@ -6,21 +6,30 @@
 #include <utility>
 
 namespace cairn {
+namespace {
+
+template <class Work>
+void for_each_attribute(Mesh& mesh, const Work& work) {
+  const auto unless_empty = [&](auto& by_vertex) {
+    if (!by_vertex.empty()) work(by_vertex);
+  };
+  unless_empty(mesh.positions);
+  unless_empty(mesh.normals);
+  unless_empty(mesh.colors);
+  unless_empty(mesh.weights);
+  unless_empty(mesh.sigmas);
+  unless_empty(mesh.texture_coordinates);
+}
+
+}  // namespace
 
 void take_vertices(Mesh& mesh, const std::vector<std::uint32_t>& vertices) {
-  const auto take = [&](auto& by_vertex) {
-    if (by_vertex.empty()) return;
+  for_each_attribute(mesh, [&](auto& by_vertex) {
     std::remove_reference_t<decltype(by_vertex)> taken;
     taken.reserve(vertices.size());
     for (const std::uint32_t v : vertices) taken.push_back(by_vertex[v]);
     by_vertex = std::move(taken);
-  };
-  take(mesh.positions);
-  take(mesh.normals);
-  take(mesh.colors);
-  take(mesh.weights);
-  take(mesh.sigmas);
-  take(mesh.texture_coordinates);
+  });
 }
 
 std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh) {
@@ -34,7 +43,11 @@ std::vector<std::uint32_t> drop_unused_vertices(Mesh& mesh) {
       used.push_back(v);
     }
   if (used.size() == new_index.size()) return used;
-  take_vertices(mesh, used);
+  // Ascending, so in place: a second array costs more than the copy.
+  for_each_attribute(mesh, [&](auto& by_vertex) {
+    for (std::size_t i = 0; i < used.size(); ++i) by_vertex[i] = by_vertex[used[i]];
+    by_vertex.resize(used.size());
+  });
   for (auto& t : mesh.triangles)
     for (std::uint32_t& v : t) v = new_index[v];
   return used;

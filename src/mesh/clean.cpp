@@ -2,10 +2,17 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "mesh/clean.hpp"
 
+#include <tbb/blocked_range.h>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <limits>
+#include <optional>
+#include <set>
 #include <unordered_map>
+#include <utility>
 
 #include "mesh/topology.hpp"
 
@@ -18,10 +25,6 @@ constexpr std::size_t kMaxRimVertices = 192;  // maximum number of vertices of a
 Eigen::Vector3d area_vector(const Mesh& mesh, const std::array<std::uint32_t, 3>& t) {
   const Eigen::Vector3d a = mesh.positions[t[0]].cast<double>();
   return 0.5 * (mesh.positions[t[1]].cast<double>() - a).cross(mesh.positions[t[2]].cast<double>() - a);
-}
-
-void remove_triangles(Mesh& mesh, const std::vector<bool>& remove) {
-  std::erase_if(mesh.triangles, [&, i = std::size_t{0}](const auto&) mutable { return remove[i++]; });
 }
 
 void remove_unseen(Mesh& mesh, float min_weight) {
@@ -46,8 +49,9 @@ bool lower_triangle(const Mesh& mesh, const std::array<std::uint32_t, 3>& a, con
   return std::lexicographical_compare(p.begin(), p.end(), q.begin(), q.end(), lower_point);
 }
 
-std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts) {
-  const Components components = connected_components(mesh, weld(mesh));
+std::size_t remove_small_components(Mesh& mesh, const std::vector<std::uint32_t>& vertex_id,
+                                    const CleanOptions& options, const CountsTriangle& counts) {
+  const Components components = connected_components(mesh, vertex_id);
   struct Component {
     Eigen::AlignedBox3f box;
     double weight = 0, corners = 0;
@@ -82,22 +86,16 @@ std::size_t remove_small_components(Mesh& mesh, const CleanOptions& options, con
   return static_cast<std::size_t>(removed);
 }
 
-/// Removes triangles attached by a single side, which stick out of the border.
-void remove_spikes(Mesh& mesh) {
-  const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
-  std::vector<int> open(mesh.triangles.size(), 0);
-  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-    if (end - begin == 1) ++open[sides[begin].triangle];
-  });
-  std::vector<bool> remove(open.size());
-  for (std::size_t i = 0; i < open.size(); ++i) remove[i] = open[i] >= 2;
-  remove_triangles(mesh, remove);
+/// Removes triangles attached by a single side, which stick out of the border. Returns true if there were any.
+bool remove_spikes(Mesh& mesh, const std::vector<Side>& border) {
+  std::vector<std::uint8_t> open(mesh.triangles.size(), 0);
+  for (const Side& side : border) ++open[side.triangle];
+  return std::erase_if(mesh.triangles, [&, i = std::size_t{0}](const auto&) mutable { return open[i++] >= 2; }) > 0;
 }
 
 /// Smooths borders, which follow the voxel grid in steps. Moves each border vertex towards the mean of its two
 /// neighbors along the border.
-void smooth_borders(Mesh& mesh) {
-  const std::vector<BoundaryEdge> border = boundary_edges(mesh, sides_by_edge(mesh, own_ids(mesh)));
+void smooth_borders(Mesh& mesh, const std::vector<BoundaryEdge>& border) {
   std::vector<std::uint32_t> next(mesh.positions.size(), kNone), previous = next;
   std::vector<bool> is_simple(mesh.positions.size(), true);
   for (const auto& [from, to] : border) {
@@ -105,14 +103,15 @@ void smooth_borders(Mesh& mesh) {
     if (previous[to] != kNone) is_simple[to] = false;
     next[from] = to, previous[to] = from;
   }
-  std::vector<Eigen::Vector3f> smooth;
+  std::vector<Eigen::Vector3f> smooth(border.size());
   for (int i = 0; i < kSmoothingIterations; ++i) {
-    smooth = mesh.positions;
-    for (const auto& [from, to] : border)
+    for (std::size_t k = 0; k < border.size(); ++k) {
+      const std::uint32_t from = border[k].from;
+      smooth[k] = mesh.positions[from];
       if (is_simple[from] && previous[from] != kNone)
-        smooth[from] =
-            0.5f * mesh.positions[from] + 0.25f * (mesh.positions[previous[from]] + mesh.positions[next[from]]);
-    mesh.positions.swap(smooth);
+        smooth[k] = 0.5f * smooth[k] + 0.25f * (mesh.positions[previous[from]] + mesh.positions[next[from]]);
+    }
+    for (std::size_t k = 0; k < border.size(); ++k) mesh.positions[border[k].from] = smooth[k];
   }
 }
 
@@ -152,21 +151,25 @@ void fill(Mesh& mesh, const std::vector<std::uint32_t>& rim) {
   }
 }
 
-std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts) {
+/// `corners`: of the mesh.
+std::size_t fill_holes(Mesh& mesh, const std::vector<BoundaryEdge>& border, const CornersByVertex& corners,
+                       float max_size, const CountsTriangle& counts) {
   if (max_size <= 0) return 0;
-  const std::vector<Side> sides = sides_by_edge(mesh, own_ids(mesh));
+  const auto is_edge = [&](std::uint32_t a, std::uint32_t b) {
+    return std::ranges::any_of(corners.at(a), [&](std::uint32_t corner) {
+      return std::ranges::find(mesh.triangles[corner / 3], b) != mesh.triangles[corner / 3].end();
+    });
+  };
   std::unordered_map<std::uint32_t, std::uint32_t> next;
   std::vector<bool> is_branching(mesh.positions.size(), false);
   std::vector<std::uint32_t> begins;
-  for (const auto& [from, to] : boundary_edges(mesh, sides)) {
+  for (const auto& [from, to] : border) {
     if (!next.try_emplace(from, to).second) is_branching[from] = true;
     begins.push_back(from);
   }
   // Starts at the lowest positions, to be independent of the vertex numbering.
   std::sort(begins.begin(), begins.end(),
             [&](std::uint32_t a, std::uint32_t b) { return lower_point(mesh.positions[a], mesh.positions[b]); });
-  std::vector<std::uint64_t> edges;  // existing edges; a chord must not coincide with them
-  for_each_edge(sides, [&](std::size_t begin, std::size_t) { edges.push_back(sides[begin].edge); });
   std::vector<bool> done(mesh.positions.size(), false);
   std::size_t filled = 0;
   for (const std::uint32_t begin : begins) {
@@ -199,8 +202,7 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
         const std::uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
         const auto it = next.find(b);
         if (it != next.end() && it->second == a) continue;  // edge of the rim
-        const std::uint64_t edge = std::uint64_t{std::min(a, b)} << 32 | std::max(a, b);
-        fits = fits && !std::binary_search(edges.begin(), edges.end(), edge);
+        fits = fits && !is_edge(a, b);                      // a chord must not coincide with an edge
       }
     if (!fits)
       mesh.triangles.resize(before);
@@ -210,107 +212,188 @@ std::size_t fill_holes(Mesh& mesh, float max_size, const CountsTriangle& counts)
   return filled;
 }
 
-/// Handles triangles with the same three vertices: opposite triangles are a sheet without thickness and are both
-/// removed; of triangles with equal orientation only one is kept. Returns true if there were any.
-bool remove_coincident(Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id,
-                       bool keep_sheets) {
-  std::vector<bool> remove(mesh.triangles.size(), false);
-  bool any = false;
-  const auto vertex = [&](const Side& s, std::uint32_t next) {
-    return vertex_id[mesh.triangles[s.triangle][(s.corner + next) % 3]];
-  };
-  // Coincident triangles share all sides: at a given side they have the same third vertex.
-  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      for (std::size_t k = begin; k < i; ++k) {
-        if (vertex(sides[i], 2) != vertex(sides[k], 2)) continue;
-        const bool are_opposite = vertex(sides[i], 0) != vertex(sides[k], 0);
-        if (are_opposite && keep_sheets) continue;
-        remove[sides[i].triangle] = any = true;
-        if (are_opposite) remove[sides[k].triangle] = true;
-      }
-  });
-  if (any) remove_triangles(mesh, remove);
-  return any;
-}
+/// Makes a surface a manifold in passes: each removes triangles at the problems found by the one before.
+class ManifoldMaker {
+ public:
+  /// `vertex_id`: of weld.
+  ManifoldMaker(Mesh& mesh, const std::vector<std::uint32_t>& vertex_id, const ManifoldOptions& options)
+      : mesh_(mesh), vertex_id_(vertex_id), options_(options), removed_(mesh.triangles.size(), false) {}
 
-/// Removes the smallest triangles at sides shared by more than two. Returns true if there were any.
-bool remove_beyond_two(Mesh& mesh, const std::vector<Side>& sides) {
-  std::vector<bool> remove(mesh.triangles.size(), false);
-  bool any = false;
-  for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
-    std::size_t left = 0;
-    for (std::size_t i = begin; i < end; ++i) left += !remove[sides[i].triangle];
-    for (; left > 2; --left, any = true) {
-      std::size_t smallest = end;
-      for (std::size_t i = begin; i < end; ++i) {
-        const std::uint32_t t = sides[i].triangle;
-        if (remove[t]) continue;
-        if (smallest == end || area_vector(mesh, mesh.triangles[t]).norm() <
-                                   area_vector(mesh, mesh.triangles[sides[smallest].triangle]).norm())
-          smallest = i;
-      }
-      remove[sides[smallest].triangle] = true;
+  void run() {
+    std::vector<std::uint32_t> vertices = own_ids(mesh_);
+    while (!vertices.empty()) {
+      Problems problems = find_problems(vertices);
+      if (options_.fixed) std::erase_if(problems.fans, options_.fixed);
+      vertices = problems.fans;
+      for (const Side& side : problems.sides) vertices.push_back(static_cast<std::uint32_t>(side.edge >> 32));
+      const std::size_t before = vertices.size();
+      if (!remove_coincident(problems.sides, vertices) && !remove_beyond_two(problems.sides, vertices))
+        remove_smaller_fans(problems.fans, vertices);
+      if (vertices.size() == before) break;
+      std::sort(vertices.begin(), vertices.end());
+      vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
     }
-  });
-  if (any) remove_triangles(mesh, remove);
-  return any;
-}
+    std::erase_if(mesh_.triangles, [&, i = std::size_t{0}](const auto&) mutable { return removed_[i++]; });
+  }
 
-/// Removes all but the largest fan at each vertex; a fan is a set of triangles at a vertex connected by shared sides at
-/// the vertex. `sides`: with one or two triangles each. `fixed`: as in make_manifold. Returns true if there were any.
-bool remove_smaller_fans(Mesh& mesh, const std::vector<Side>& sides, const std::vector<std::uint32_t>& vertex_id,
-                         const std::function<bool(std::uint32_t)>& fixed) {
-  Fans fans = fans_of(mesh, sides, vertex_id);
-  if (fixed) std::erase_if(fans.several, fixed);
-  if (fans.several.empty()) return false;
-  std::unordered_map<std::uint32_t, double> area;  // by fan
-  for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner)
-    if (fans.several.contains(vertex_id[mesh.triangles[corner / 3][corner % 3]]))
-      area[fans.of_corner[corner]] += area_vector(mesh, mesh.triangles[corner / 3]).norm();
-  // Equal areas: keeps the first fan.
-  std::unordered_map<std::uint32_t, std::uint32_t> largest;  // by vertex
-  for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner) {
-    const std::uint32_t v = vertex_id[mesh.triangles[corner / 3][corner % 3]], fan = fans.of_corner[corner];
-    if (!fans.several.contains(v)) continue;
-    const auto [it, is_new] = largest.try_emplace(v, fan);
-    if (!is_new && area.at(fan) > area.at(it->second)) it->second = fan;
+ private:
+  struct Problems {
+    std::vector<Side> sides;          // of edges with coincident or more than two triangles
+    std::vector<std::uint32_t> fans;  // vertices with several fans
+  };
+
+  /// Corners of the triangles left at a vertex.
+  void left_at(std::uint32_t vertex, std::vector<std::uint32_t>& corners) const {
+    corners.clear();
+    for (const std::uint32_t corner : corners_.at(vertex))
+      if (!removed_[corner / 3]) corners.push_back(corner);
   }
-  std::vector<bool> remove(mesh.triangles.size(), false);
-  for (std::uint32_t corner = 0; corner < fans.of_corner.size(); ++corner) {
-    const auto it = largest.find(vertex_id[mesh.triangles[corner / 3][corner % 3]]);
-    if (it != largest.end() && it->second != fans.of_corner[corner]) remove[corner / 3] = true;
+  Problems find_problems(const std::vector<std::uint32_t>& vertices) const {
+    struct Found {
+      Problems problems;
+      std::vector<std::uint32_t> corners;
+      std::vector<Side> sides;
+    };
+    tbb::enumerable_thread_specific<Found> by_thread;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, vertices.size()), [&](const auto& range) {
+      Found& found = by_thread.local();
+      for (std::size_t i = range.begin(); i < range.end(); ++i) {
+        left_at(vertices[i], found.corners);
+        sides_at(mesh_, vertex_id_, vertices[i], found.corners, found.sides);
+        for_each_edge(found.sides, [&](std::size_t begin, std::size_t end) {
+          if (end - begin > 2 || (end - begin == 2 && are_coincident(found.sides[begin], found.sides[begin + 1])))
+            found.problems.sides.insert(found.problems.sides.end(), &found.sides[begin],
+                                        &found.sides[begin] + (end - begin));
+        });
+        if (are_several_fans(mesh_, vertex_id_, found.corners)) found.problems.fans.push_back(vertices[i]);
+      }
+    });
+    Problems all;
+    for (const auto& [problems, corners, sides] : by_thread) {
+      all.sides.insert(all.sides.end(), problems.sides.begin(), problems.sides.end());
+      all.fans.insert(all.fans.end(), problems.fans.begin(), problems.fans.end());
+    }
+    std::sort(all.sides.begin(), all.sides.end());
+    std::sort(all.fans.begin(), all.fans.end());
+    return all;
   }
-  remove_triangles(mesh, remove);
-  return true;
+  [[nodiscard]] std::uint32_t vertex(const Side& s, std::uint32_t next) const {
+    return vertex_id_[mesh_.triangles[s.triangle][(s.corner + next) % 3]];
+  }
+  /// Coincident triangles share all sides: at a given side they have the same third vertex.
+  [[nodiscard]] bool are_coincident(const Side& a, const Side& b) const { return vertex(a, 2) == vertex(b, 2); }
+  [[nodiscard]] double area(std::uint32_t triangle) const {
+    return area_vector(mesh_, mesh_.triangles[triangle]).norm();
+  }
+
+  /// Marks a triangle as removed, and adds its vertices.
+  void remove(std::uint32_t triangle, std::vector<std::uint32_t>& vertices) {
+    removed_[triangle] = true;
+    for (const std::uint32_t v : mesh_.triangles[triangle]) vertices.push_back(vertex_id_[v]);
+  }
+
+  /// Handles triangles with the same three vertices: opposite triangles are a sheet without thickness and are both
+  /// removed; of triangles with equal orientation only one is kept. Returns true if there were any.
+  bool remove_coincident(const std::vector<Side>& sides, std::vector<std::uint32_t>& vertices) {
+    std::set<std::uint32_t> coincident;
+    for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i)
+        for (std::size_t k = begin; k < i; ++k) {
+          if (!are_coincident(sides[i], sides[k])) continue;
+          const bool are_opposite = vertex(sides[i], 0) != vertex(sides[k], 0);
+          if (are_opposite && options_.keep_sheets) continue;
+          coincident.insert(sides[i].triangle);
+          if (are_opposite) coincident.insert(sides[k].triangle);
+        }
+    });
+    for (const std::uint32_t triangle : coincident) remove(triangle, vertices);
+    return !coincident.empty();
+  }
+
+  /// Removes the smallest triangles at sides shared by more than two. Returns true if there were any.
+  bool remove_beyond_two(const std::vector<Side>& sides, std::vector<std::uint32_t>& vertices) {
+    bool any = false;
+    for_each_edge(sides, [&](std::size_t begin, std::size_t end) {
+      std::size_t left = 0;
+      for (std::size_t i = begin; i < end; ++i) left += !removed_[sides[i].triangle];
+      for (; left > 2; --left, any = true) {
+        std::size_t smallest = end;
+        for (std::size_t i = begin; i < end; ++i) {
+          const std::uint32_t t = sides[i].triangle;
+          if (!removed_[t] && (smallest == end || area(t) < area(sides[smallest].triangle))) smallest = i;
+        }
+        remove(sides[smallest].triangle, vertices);
+      }
+    });
+    return any;
+  }
+
+  /// Removes all but the largest fan at each of these vertices; a fan is a set of triangles at a vertex connected by
+  /// shared sides at the vertex.
+  void remove_smaller_fans(const std::vector<std::uint32_t>& several, std::vector<std::uint32_t>& vertices) {
+    std::set<std::uint32_t> smaller;
+    std::vector<std::uint32_t> corners;
+    for (const std::uint32_t v : several) {
+      left_at(v, corners);
+      const std::vector<std::uint32_t> fans = fans_at(mesh_, vertex_id_, corners);
+      std::vector<double> areas(corners.size(), 0);  // by fan
+      for (std::size_t i = 0; i < corners.size(); ++i) areas[fans[i]] += area(corners[i] / 3);
+      // Equal areas: keeps the first fan.
+      const auto largest = static_cast<std::uint32_t>(std::ranges::max_element(areas) - areas.begin());
+      for (std::size_t i = 0; i < corners.size(); ++i)
+        if (fans[i] != largest) smaller.insert(corners[i] / 3);
+    }
+    for (const std::uint32_t triangle : smaller) remove(triangle, vertices);
+  }
+
+  Mesh& mesh_;
+  const std::vector<std::uint32_t>& vertex_id_;
+  const ManifoldOptions& options_;
+  const CornersByVertex corners_{mesh_, vertex_id_};
+  std::vector<bool> removed_;  // by triangle
+};
+
+/// `vertex_id`: of weld.
+std::size_t make_manifold(Mesh& mesh, const std::vector<std::uint32_t>& vertex_id, const ManifoldOptions& options) {
+  const std::size_t before = mesh.triangles.size();
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return vertex_id[t[0]] == vertex_id[t[1]] || vertex_id[t[1]] == vertex_id[t[2]] ||
+           vertex_id[t[2]] == vertex_id[t[0]] || !(area_vector(mesh, t).norm() > 0);
+  });
+  ManifoldMaker(mesh, vertex_id, options).run();
+  return before - mesh.triangles.size();
 }
 
 }  // namespace
 
 std::size_t make_manifold(Mesh& mesh, const ManifoldOptions& options) {
-  const std::size_t before = mesh.triangles.size();
-  const std::vector<std::uint32_t> vertex_id = weld(mesh);
-  std::erase_if(mesh.triangles, [&](const auto& t) {
-    return vertex_id[t[0]] == vertex_id[t[1]] || vertex_id[t[1]] == vertex_id[t[2]] ||
-           vertex_id[t[2]] == vertex_id[t[0]] || !(area_vector(mesh, t).norm() > 0);
-  });
-  while (true) {
-    const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
-    if (!remove_coincident(mesh, sides, vertex_id, options.keep_sheets) && !remove_beyond_two(mesh, sides) &&
-        !remove_smaller_fans(mesh, sides, vertex_id, options.fixed))
-      break;
-  }
-  return before - mesh.triangles.size();
+  return make_manifold(mesh, weld(mesh), options);
 }
 
 Cleaned clean(Mesh& mesh, const CleanOptions& options, const CountsTriangle& counts) {
   Cleaned cleaned;
   remove_unseen(mesh, options.min_weight);
-  (void)make_manifold(mesh);
-  cleaned.components_removed = remove_small_components(mesh, options, counts);
-  remove_spikes(mesh);
-  cleaned.holes_filled = fill_holes(mesh, options.fill_holes, counts);
-  smooth_borders(mesh);
+  {
+    const std::vector<std::uint32_t> vertex_id = weld(mesh);
+    (void)make_manifold(mesh, vertex_id, {});
+    cleaned.components_removed = remove_small_components(mesh, vertex_id, options, counts);
+  }
+  {
+    const std::vector<std::uint32_t> vertex_id = own_ids(mesh);
+    std::optional<CornersByVertex> corners(std::in_place, mesh, vertex_id);
+    std::vector<Side> border = border_sides(mesh, vertex_id, *corners);
+    if (remove_spikes(mesh, border)) {
+      corners.emplace(mesh, vertex_id);
+      border = border_sides(mesh, vertex_id, *corners);
+    }
+    const std::size_t before = mesh.triangles.size();
+    cleaned.holes_filled = fill_holes(mesh, boundary_edges(mesh, border), *corners, options.fill_holes, counts);
+    for (std::size_t t = before; t < mesh.triangles.size(); ++t)
+      for (std::uint32_t c = 0; c < 3; ++c)
+        border.push_back(side_of(mesh, vertex_id, static_cast<std::uint32_t>(t), c));
+    std::sort(border.begin(), border.end());
+    smooth_borders(mesh, boundary_edges(mesh, border));
+  }
   (void)make_manifold(mesh);
   (void)drop_unused_vertices(mesh);
   return cleaned;

@@ -89,7 +89,7 @@ std::vector<std::uint32_t> non_manifold_vertices(const Mesh& mesh, const std::ve
   const std::vector<std::uint32_t> vertex_id = weld(mesh);
   const std::vector<Side> sides = sides_by_edge(mesh, vertex_id);
   std::vector<std::uint32_t> non_manifold;
-  for (const std::uint32_t v : fans_of(mesh, sides, vertex_id).several)
+  for (const std::uint32_t v : vertices_with_several_fans(mesh, vertex_id))
     if (!is_in(locked)(v)) non_manifold.push_back(v);
   for (const Corners& t : between_locked(mesh.triangles, locked))
     if (!before.contains(t)) non_manifold.insert(non_manifold.end(), t.begin(), t.end());

@@ -2,6 +2,9 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "volume/polygonize.hpp"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -110,6 +113,7 @@ struct Polygonizer::Work {
   gpu::Buffer brick_list, masks, firsts, cells, counts, neighbors;  // firsts: index of the first vertex by word of the
                                                                     // masks
   std::vector<std::uint32_t> triangles_of_column;
+  std::vector<shader::MeshVertex> vertices;  // of one dispatch
 };
 
 Polygonizer::Polygonizer(gpu::Device& device)
@@ -177,18 +181,33 @@ void Polygonizer::add_vertices(const Volume& volume, Work& work, std::size_t beg
   auto total = static_cast<std::uint32_t>(before);
   for (std::uint32_t& word : words) total += static_cast<std::uint32_t>(std::popcount(std::exchange(word, total)));
   batch.upload(work.firsts, words, begin * shader::kEdgeWords * 4);
-  std::vector<shader::MeshVertex> vertices(total - before);
+  std::vector<shader::MeshVertex>& vertices = work.vertices;
+  vertices.resize(total - before);
   const gpu::Buffer vertex_buffer(device_, vertices.size() * sizeof(shader::MeshVertex));
   vertices_(batch, {push.count * shader::kEdgeWords, 1, 1}, push,
             {&volume.page_table(), &work.brick_list, &work.masks, &work.firsts, &vertex_buffer});
   batch.download(vertex_buffer, vertices);
   batch.run();
-  for (const auto& v : vertices) {
-    mesh.positions.emplace_back(v.position);
-    mesh.normals.emplace_back(v.normal);
-    mesh.colors.push_back(std::bit_cast<std::array<std::uint8_t, 4>>(v.color | 0xff000000u));
-    mesh.weights.push_back(v.weight);
-  }
+  // Room for all vertices, by those of the bricks so far.
+  const double expected = 1.1 * total * static_cast<double>(work.plan.bricks.size()) / static_cast<double>(end);
+  const auto grow = [&](auto& by_vertex) {
+    if (by_vertex.capacity() < total)
+      by_vertex.reserve(std::max<std::size_t>(total, static_cast<std::size_t>(expected)));
+    by_vertex.resize(total);
+  };
+  grow(mesh.positions);
+  grow(mesh.normals);
+  grow(mesh.colors);
+  grow(mesh.weights);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, vertices.size()), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const shader::MeshVertex& v = vertices[i];
+      mesh.positions[before + i] = v.position;
+      mesh.normals[before + i] = v.normal;
+      mesh.colors[before + i] = std::bit_cast<std::array<std::uint8_t, 4>>(v.color | 0xff000000u);
+      mesh.weights[before + i] = v.weight;
+    }
+  });
 }
 
 /// Creates the triangles. No voxels are read, so the bricks need not be on the device.

@@ -4,11 +4,14 @@
 // submaps.
 #include <benchmark/benchmark.h>
 
+#include <filesystem>
 #include <numbers>
 
 #include "cairn/synthetic/scene.hpp"
 #include "loop_closing/match.hpp"
 #include "map/global_volume.hpp"
+#include "mesh/clean.hpp"
+#include "mesh/gltf.hpp"
 #include "preprocess/preprocess.hpp"
 #include "synth/render.hpp"
 #include "volume/integrate.hpp"
@@ -103,14 +106,54 @@ void move_thirty_submaps(benchmark::State& state) {
   state.counters["submap_bricks"] = static_cast<double>(sources);
 }
 
+/// Surface of the row.
+const Mesh& surface(benchmark::State& state) {
+  static const Mesh mesh = [] {
+    auto& b = bench();
+    (void)b.update();
+    Volume complete(b.device, b.fuse, 5.0f);
+    complete.adopt(b.world.release());
+    return b.polygonizer.polygonize(complete);
+  }();
+  state.counters["triangles"] = static_cast<double>(mesh.triangles.size());
+  return mesh;
+}
+
 void mesh_the_world(benchmark::State& state) {
   auto& b = bench();
   (void)b.update();
   Volume complete(b.device, b.fuse, 5.0f);
   complete.adopt(b.world.release());
   std::size_t triangles = 0;
+  const auto before = b.device.kernel_times();
   for (auto _ : state) triangles = b.polygonizer.polygonize(complete).triangles.size();
   state.counters["triangles"] = static_cast<double>(triangles);
+  for (const auto& [kernel, time] : b.device.kernel_times())
+    if (kernel.starts_with("polygonize"))
+      state.counters[kernel + "_ms"] = (time.total_ms - (before.contains(kernel) ? before.at(kernel).total_ms : 0)) /
+                                       static_cast<double>(state.iterations());
+}
+
+void clean_the_world(benchmark::State& state) {
+  const Mesh& mesh = surface(state);
+  for (auto _ : state) {
+    state.PauseTiming();
+    Mesh cleaned = mesh;
+    state.ResumeTiming();
+    (void)clean(cleaned, {});
+    state.counters["left"] = static_cast<double>(cleaned.triangles.size());
+  }
+}
+
+void write_the_world(benchmark::State& state) {
+  const Mesh& mesh = surface(state);
+  const auto file = std::filesystem::temp_directory_path() / "cairn_bench.glb";
+  for (auto _ : state) {
+    GltfWriter writer(GltfOptions{.file = file});
+    writer.add("map", mesh);
+    writer.write(file);
+  }
+  std::filesystem::remove(file);
 }
 
 /// A circular path with a loop closure at its end.
@@ -150,6 +193,8 @@ void optimize_two_thousand_keyframes(benchmark::State& state) {
 
 BENCHMARK(move_thirty_submaps)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(mesh_the_world)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(clean_the_world)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(write_the_world)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(optimize_two_thousand_keyframes)->Unit(benchmark::kMillisecond)->UseRealTime();
 
 }  // namespace
