@@ -38,7 +38,7 @@ set(long_suites Numbers 50 Signals 35 GivenPoses 15 Inputs 30 Disk/FaultsOfARun 
                 SessionFiles 10 Each/WrittenLayout 45 Views 40 ViewedMap 30 Layouts 8 VirtualSensors 20 Ros2Topics 35 Convert 8 ZipRecording 8 CommandLine 40
                 MapOfParts 40 PosesOfARecording 20 PosesOfARoom 15 FloorPlan 20 BackEnd 20 Esdf 15 UprightMap 15 JudgedMap 15 Rig 15
                 WrittenSigma 15 All/EveryScene 12 ChangedRoom 10 IncrementalMesher 10 Refine 10 LoggedRun 9 Change 8 HeldOutFrames 8
-                ReturnToStart 8 LiveSource 8 DisturbedRun 7 Finish 7 FreeSpace 7 Tracker 7 GraphScheduler 7 PlannedBuilding 6
+                ReturnToStart 8 LiveSource 8 Quality 60 Calibration 60 RosSource 12 DisturbedRun 7 Finish 7 FreeSpace 7 Tracker 7 GraphScheduler 7 PlannedBuilding 6
                 TiltedRoom 6 NetworkRun 20 Each/NetworkCamera 18)
 set(data "^Real/Recording\\.|^VerdictOfARecording|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Undoes")
 set(program "^(Program|Session|Export|Live|Record|Sensors|Ros2|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|CommandLine|MapOfParts|PlannedBuilding|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording|NetworkRun)$")
@@ -60,11 +60,11 @@ function(add name filter seconds)
       list(APPEND labels ${label})
     endif()
   endforeach()
-  if(NOT seconds LESS 30 AND NOT data IN_LIST labels)
+  if(NOT seconds LESS 30 AND NOT "data" IN_LIST labels)
     list(APPEND labels long)
   endif()
   set_tests_properties("${name}" PROPERTIES LABELS "${labels}" COST ${seconds} TIMEOUT 600)
-  if(data IN_LIST labels)
+  if("data" IN_LIST labels)  # quoted: `data` is a variable
     set_tests_properties("${name}" PROPERTIES SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\] 1 test")
   endif()
   if(name MATCHES "${alone}")

@@ -21,6 +21,8 @@
 namespace cairn::apps {
 namespace {
 
+constexpr std::size_t kReportTriangles = 400'000;  // about, in report.html
+
 nlohmann::json to_json(const FoundLoop& loop) {
   const Eigen::Quaterniond q(loop.i_from_j.linear());
   const Eigen::Vector3d& t = loop.i_from_j.translation();
@@ -162,19 +164,10 @@ std::optional<ExportReport> Outputs::write_mesh(Mapper& mapper, const MeshArgume
   timed_("mesh", [&] {
     Progress progress(std::nullopt, "");
     MeshArguments both = options;
-    both.preview.file = output_ / "preview.glb";
+    both.preview = {.file = output_ / "preview.glb", .triangles = kReportTriangles};
     std::filesystem::remove(both.preview.file);
     mesh = write_model(mapper, both, export_progress(progress));
-    if (std::filesystem::file_size(output_ / "mesh.glb") <= kMaxInlineMesh)
-      std::filesystem::remove(both.preview.file);
-    else if (!std::filesystem::exists(both.preview.file)) {  // not made: too few triangles, or a large texture
-      MeshArguments smaller = both;
-      smaller.preview.file.clear();
-      smaller.simplify = {.triangles = std::min(both.preview.triangles, mesh->triangles)};
-      smaller.compression = Compression::meshopt;
-      Progress preview_progress(std::nullopt, "");
-      export_mesh(mapper.map(), both.preview.file, smaller, export_progress(preview_progress));
-    }
+    if (std::filesystem::file_size(output_ / "mesh.glb") <= kMaxInlineMesh) std::filesystem::remove(both.preview.file);
   });
   return mesh;
 }

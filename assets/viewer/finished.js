@@ -14,10 +14,30 @@ function decoded(base64) {
   return bytes.buffer;
 }
 
-async function fetched(url) {
+/** Fetches a file. `progress(bytes)` is called with the bytes so far. */
+async function fetched(url, progress) {
   const answer = await fetch(url);
   if (!answer.ok) throw new Error(`${url} cannot be fetched: ${answer.status} ${answer.statusText}`);
-  return answer.arrayBuffer();
+  if (!progress) return answer.arrayBuffer();
+  const chunks = [], reader = answer.body.getReader();
+  let bytes = 0;
+  for (let { done, value } = await reader.read(); !done; { done, value } = await reader.read()) {
+    chunks.push(value);
+    progress(bytes += value.length);
+  }
+  return new Blob(chunks).arrayBuffer();
+}
+
+/** Fetches the mesh; a note on the scene states the progress. */
+async function fetchedMesh({ mesh, files }) {
+  const note = element('div', { id: 'loading', role: 'status' }), mb = (bytes) => (bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0);
+  const total = files?.find((file) => file.name === 'mesh.glb')?.bytes;
+  document.getElementById('scene').append(note);
+  try {
+    return await fetched(mesh, (bytes) => { note.textContent = `Loading ${mb(bytes)}${total ? ` of ${mb(total)}` : ''} MB`; });
+  } finally {
+    note.remove();
+  }
 }
 
 /** Returns a function that loads the map's fields on its first call. */
@@ -37,7 +57,7 @@ async function showMesh(scene, data, seen) {
   const isEmpty = scene.triangles === 0;  // a live map is already visible
   const coarse = data.first && isEmpty ? await fetched(data.first).catch(() => null) : null;
   if (coarse) await seen((await loadModel(coarse)).model);
-  const { model, textured } = await loadModel(data.mesh_base64 ? decoded(data.mesh_base64) : await fetched(data.mesh));
+  const { model, textured } = await loadModel(data.mesh_base64 ? decoded(data.mesh_base64) : await fetchedMesh(data));
   if (isEmpty && !coarse) await seen(model);
   await textured;
   if (scene.model === model) scene.setLook(scene.look);

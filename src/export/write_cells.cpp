@@ -3,7 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <opencv2/imgproc.hpp>
 #include <utility>
 
 #include "base/file_name.hpp"
@@ -25,11 +28,12 @@ struct Level {
   std::vector<Mesh> parts;  // of other formats
 };
 
-constexpr float kMaxPreviewRatio = 0.5f;  // of the triangles: a larger preview is useless
+constexpr float kMaxPreviewRatio = 0.5f;  // of the triangles: a larger preview keeps all of them
+constexpr int kPreviewJpegQuality = 80;
 
 struct Preview {
   GltfWriter gltf;
-  float ratio;  // of the triangles
+  float ratio;  // of the triangles; 1: all
 };
 
 constexpr double kBytesPerPoint = 180;   // in memory: the point, the file's bytes, and the occupied cubes
@@ -39,17 +43,40 @@ constexpr double kMinSpacing = 0.1;      // voxels: closer points add no informa
 std::optional<Preview> preview_of(const ExportRun& run) {
   const PreviewOptions& options = run.options.preview;
   const float ratio = run.ratio_of(options.triangles);
-  if (options.file.empty() || !is_gltf(run.file) || ratio > kMaxPreviewRatio) return std::nullopt;
+  if (options.file.empty() || !is_gltf(run.file)) return std::nullopt;
   GltfOptions gltf = run.gltf_options();
   gltf.compression = Compression::meshopt;
-  return Preview{GltfWriter(gltf), ratio};
+  gltf.jpeg_quality = std::min(gltf.jpeg_quality, kPreviewJpegQuality);
+  return Preview{GltfWriter(gltf), ratio > kMaxPreviewRatio ? 1 : ratio};
 }
 
 std::string name_of(const Cells& cells, const Cells::Key& cell) {
   return cells.all().size() == 1 ? "map" : fmt::format("cell {} {} {}", cell[0], cell[1], cell[2]);
 }
 
-void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, CellMesh part) {
+/// Texture of half the size.
+Texture halved(const Texture& texture) {
+  Texture half{.width = (texture.width + 1) / 2, .height = (texture.height + 1) / 2, .texels = {}};
+  half.texels.resize(static_cast<std::size_t>(half.width) * static_cast<std::size_t>(half.height));
+  if (half.texels.empty()) return half;
+  cv::Mat to(half.height, half.width, CV_8UC3, half.texels.data());
+  const cv::Mat from(texture.height, texture.width, CV_8UC3,
+                     const_cast<std::array<std::uint8_t, 3>*>(texture.texels.data()));
+  cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+  return half;
+}
+
+/// Adds a mesh of the finest level, with a smaller texture.
+void add_to(Preview& preview, ExportRun& run, const Cells::Key& cell, Mesh& mesh) {
+  run.timed("write", [&] {
+    Texture full = std::exchange(mesh.texture, {});
+    mesh.texture = halved(full);
+    (void)preview.gltf.add(name_of(run.cells, cell), mesh);
+    mesh.texture = std::move(full);
+  });
+}
+
+void add_simplified_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::Key& cell, CellMesh part) {
   simplify_cell_mesh(run, part, {.ratio = preview.ratio}, 0, 0);
   run.step(ProgressCost::kSimplify * part.bricks, "simplifying");
   const Mesh mesh =
@@ -60,7 +87,7 @@ void add_to(Preview& preview, ExportRun& run, Texturer* texturer, const Cells::K
 void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::vector<Level>& levels,
               std::optional<Preview>& preview) {
   CellMesh part = make_cell_mesh(run, texturer, cell);
-  if (preview) add_to(*preview, run, texturer, cell, part);
+  if (preview && preview->ratio < 1) add_simplified_to(*preview, run, texturer, cell, part);
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const int level = static_cast<int>(i);
     // Cells of the same file stay separate at every level.
@@ -73,6 +100,7 @@ void add_cell(ExportRun& run, Texturer* texturer, const Cells::Key& cell, std::v
     Mesh simple = i + 1 == levels.size() ? std::move(part.mesh) : part.mesh;
     Mesh mesh =
         run.as_written(texturer != nullptr ? texturer->texture(std::move(simple), part, level) : std::move(simple));
+    if (level == 0 && preview && preview->ratio >= 1) add_to(*preview, run, cell, mesh);
     GltfWriter::Added added{mesh.triangles.size(), mesh.positions.size()};
     if (is_gltf(run.file))
       run.timed("write", [&] { added = levels[i].gltf.add(name_of(run.cells, cell), mesh); });
@@ -153,7 +181,7 @@ void write_parts(ExportRun& run, Texturer* texturer) {
   if (is_gltf(run.file)) gltf.file = run.file;
   for (int i = 0; i < run.options.levels; ++i) levels.push_back({GltfWriter(gltf), {}});
   std::optional<Preview> preview = preview_of(run);
-  if (preview)
+  if (preview && preview->ratio < 1)
     run.cost.total += (ProgressCost::kSimplify + (texturer != nullptr ? run.cost.charts + run.cost.texture : 0)) *
                       static_cast<double>(run.input.bricks.size());
   for (const auto& [cell, bricks] : run.cells.all()) add_cell(run, texturer, cell, levels, preview);

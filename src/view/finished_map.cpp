@@ -37,8 +37,8 @@ constexpr std::size_t kInlinePictures = 40;
 constexpr std::size_t kInlineCells = 300'000;         // of fields: 1.2 MB as text
 constexpr std::size_t kInlinePictureBytes = 600'000;  // limit for all pictures as text
 
-constexpr std::size_t kMaxInlineBytes = 2 * kMaxInlineMesh;    // bytes, for a mesh growing during the read
-constexpr std::size_t kMaxReportBytes = std::size_t{1} << 30;  // bytes
+constexpr std::size_t kMaxInlineBytes = std::size_t{128} << 20;  // of a mesh, also of a preview
+constexpr std::size_t kMaxReportBytes = std::size_t{1} << 30;    // bytes
 
 std::string base64(const std::string& bytes) {
   using namespace boost::archive::iterators;

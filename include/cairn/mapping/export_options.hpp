@@ -45,7 +45,7 @@ enum class Compression {
 /// Second, smaller .glb of the same mesh for web pages, compressed with meshopt.
 struct PreviewOptions {
   std::filesystem::path file;       ///< empty: none
-  std::size_t triangles = 1 << 20;  ///< approximate; no preview for a map with less than about twice as many
+  std::size_t triangles = 1 << 20;  ///< approximate; a map with less than about twice as many keeps all triangles
 };
 
 /// Geographic position (WGS 84), for 3D Tiles.

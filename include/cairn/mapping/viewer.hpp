@@ -90,7 +90,7 @@ class MapViewer {
 
 /// Maximum size in bytes of a mesh.glb embedded into the report page; for a larger one, preview.glb beside it is
 /// embedded instead.
-inline constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{64} << 20;
+inline constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{7} << 20;
 
 /// Writes report.html in a folder with report.json, trajectory.txt and mesh.glb: a self-contained page. For a mesh that
 /// is too large it embeds preview.glb, or states its omission if there is none. Atomic. Throws std::runtime_error if

@@ -14,7 +14,8 @@ test('report.html and cairn view show the mesh, the charts and the facts', () =>
   const report = JSON.parse(run('reconstruct', 'synthetic:room', '-o', out, '--frames', '0:30', '--json'));
   await withBrowser(async (open) => {
     const page = await open(pathToFileURL(join(out, 'report.html')).href);
-    await until(async () => (await triangles(page)) === report.mesh.triangles);
+    // Compression rounds positions: a few triangles lose their area.
+    await until(async () => Math.abs((await triangles(page)) / report.mesh.triangles - 1) < 5e-3);
     await until(async () => (await page.locator('.uplot canvas').count()) === 2);
     // Same text as on the console, in green since the result is good.
     assert.match(await page.locator('#status').textContent(), /^30 of 30 frames fused \(0 lost, 0 skipped\) in [\d.]+ s$/);
@@ -26,8 +27,16 @@ test('report.html and cairn view show the mesh, the charts and the facts', () =>
     await page.screenshot({ path: join(pictures, 'report.png') });
 
     const program = new Program('view', out, '--port', '0');
-    const served = await open(await program.url());
+    const served = await open('about:blank');
+    await served.addInitScript(() => {
+      window.notes = [];
+      new MutationObserver(() => window.notes.push(document.getElementById('loading')?.textContent ?? ''))
+        .observe(document, { subtree: true, childList: true, characterData: true });
+    });
+    await served.goto(await program.url());
     await until(async () => (await triangles(served)) === report.mesh.triangles);
+    assert.ok((await served.evaluate(() => window.notes)).some((note) => /^Loading [\d.]+ of [\d.]+ MB$/.test(note)));
+    assert.equal(await served.locator('#loading').count(), 0);
     assert.match(await served.locator('#status').textContent(), /^30 of 30 frames fused/);
     await served.close();
     program.kill('SIGINT');

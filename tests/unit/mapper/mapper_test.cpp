@@ -388,7 +388,10 @@ TEST(Mapper, WritesAPreviewOfALargeMesh) {
   const ExportReport alone = mapper.map().export_mesh(folder / "alone.glb", options);
   options.preview = {.file = folder / "preview.glb", .triangles = alone.triangles};
   mapper.map().export_mesh(folder / "mesh.glb", options);
-  EXPECT_FALSE(std::filesystem::exists(options.preview.file));  // would be as large as the mesh
+  // Compression rounds positions: a few triangles lose their area.
+  EXPECT_NEAR(static_cast<double>(read_mesh(options.preview.file).triangles.size()),
+              static_cast<double>(alone.triangles), 5e-3 * static_cast<double>(alone.triangles));
+  EXPECT_LT(2 * std::filesystem::file_size(options.preview.file), std::filesystem::file_size(folder / "mesh.glb"));
   options.preview.triangles = alone.triangles / 8;
   const ExportReport both = mapper.map().export_mesh(folder / "mesh.glb", options);
   EXPECT_GT(both.parts, 3);
