@@ -183,7 +183,8 @@ class K4a final : public SensorDevice {
       images.depth = depth_in_meters(api().k4a_image_get_buffer(depth), rig_.depth.width, rig_.depth.height,
                                      api().k4a_image_get_stride_bytes(depth), kMeters);
     if (color != nullptr && has_size(color, rig_.color->camera, 4)) {
-      images.color = color_in(color, rig_.color->camera);
+      images.color = color_words(api().k4a_image_get_buffer(color), rig_.color->camera.width, rig_.color->camera.height,
+                                 api().k4a_image_get_stride_bytes(color), ColorBytes::bgra);
       images.color_delay = seconds(api().k4a_image_get_device_timestamp_usec(color)) - images.timestamp;
     }
     read_motion(images);
@@ -207,17 +208,6 @@ class K4a final : public SensorDevice {
            api().k4a_image_get_buffer(image) != nullptr &&
            api().k4a_image_get_size(image) >=
                static_cast<std::size_t>(stride) * static_cast<std::size_t>(camera.height);
-  }
-  /// From bytes B, G, R, A.
-  static std::vector<std::uint32_t> color_in(k4a_image_t image, const Camera& camera) {
-    std::vector<std::uint32_t> color(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    const std::uint8_t* data = api().k4a_image_get_buffer(image);
-    const std::ptrdiff_t stride = api().k4a_image_get_stride_bytes(image);
-    auto* to = color.data();
-    for (int y = 0; y < camera.height; ++y)
-      for (const std::uint8_t *p = data + y * stride, *end = p + 4 * camera.width; p < end; p += 4)
-        *to++ = p[2] | std::uint32_t{p[1]} << 8 | std::uint32_t{p[0]} << 16 | 0xff000000u;
-    return color;
   }
 
   std::string serial_;

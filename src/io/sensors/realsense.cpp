@@ -386,7 +386,9 @@ class RealSense final : public SensorDevice {
       images.depth = depth_in_meters(call(rs().rs2_get_frame_data, depth), rig_.depth.width, rig_.depth.height,
                                      call(rs().rs2_get_frame_stride_in_bytes, depth), depth_unit_);
     if (color != nullptr && rig_.color && has_size(color, rig_.color->camera, 3)) {
-      images.color = color_in(color, rig_.color->camera);
+      images.color =
+          color_words(call(rs().rs2_get_frame_data, color), rig_.color->camera.width, rig_.color->camera.height,
+                      call(rs().rs2_get_frame_stride_in_bytes, color), ColorBytes::rgb);
       if (call(rs().rs2_get_frame_timestamp_domain, color) == clock_)
         images.color_delay = seconds(color) - images.timestamp;
     }
@@ -410,16 +412,6 @@ class RealSense final : public SensorDevice {
            call(rs().rs2_get_frame_height, frame) == camera.height &&
            call(rs().rs2_get_frame_stride_in_bytes, frame) >= camera.width * bytes_per_pixel &&
            call(rs().rs2_get_frame_data, frame) != nullptr;
-  }
-  static std::vector<std::uint32_t> color_in(const rs2_frame* frame, const Camera& camera) {
-    std::vector<std::uint32_t> color(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
-    const auto* data = static_cast<const std::uint8_t*>(call(rs().rs2_get_frame_data, frame));
-    const std::ptrdiff_t stride = call(rs().rs2_get_frame_stride_in_bytes, frame);
-    auto* to = color.data();
-    for (int y = 0; y < camera.height; ++y)
-      for (const std::uint8_t *p = data + y * stride, *end = p + 3 * camera.width; p < end; p += 3)
-        *to++ = p[0] | std::uint32_t{p[1]} << 8 | std::uint32_t{p[2]} << 16 | 0xff000000u;
-    return color;
   }
 
   std::string serial_;

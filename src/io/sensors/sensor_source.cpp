@@ -160,4 +160,17 @@ std::vector<float> depth_in_meters(const void* data, int width, int height, int 
   return depth;
 }
 
+std::vector<std::uint32_t> color_words(const void* data, int width, int height, int stride, ColorBytes bytes) {
+  const std::ptrdiff_t per_pixel = bytes == ColorBytes::rgb ? 3 : 4;
+  const std::size_t red = bytes == ColorBytes::rgb ? 0 : 2, blue = 2 - red;
+  std::vector<std::uint32_t> color(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  auto* to = color.data();
+  for (int y = 0; y < height; ++y) {
+    const auto* row = static_cast<const std::uint8_t*>(data) + static_cast<std::ptrdiff_t>(y) * stride;
+    for (const std::uint8_t *p = row, *end = row + per_pixel * width; p < end; p += per_pixel)
+      *to++ = p[red] | std::uint32_t{p[1]} << 8 | std::uint32_t{p[blue]} << 16 | 0xff000000u;
+  }
+  return color;
+}
+
 }  // namespace cairn

@@ -65,4 +65,10 @@ struct SensorWords {
 /// Depth image in meters from 16-bit units; `stride`: bytes per row.
 [[nodiscard]] std::vector<float> depth_in_meters(const void* data, int width, int height, int stride, float meters);
 
+/// Byte order of a color image.
+enum class ColorBytes : std::uint8_t { rgb, bgra };
+/// Color image in the format of Frame::color; `stride`: bytes per row.
+[[nodiscard]] std::vector<std::uint32_t> color_words(const void* data, int width, int height, int stride,
+                                                     ColorBytes bytes);
+
 }  // namespace cairn
