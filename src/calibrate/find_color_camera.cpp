@@ -5,11 +5,15 @@
 #include <ceres/ceres.h>
 #include <ceres/cubic_interpolation.h>
 #include <ceres/rotation.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_group.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <deque>
 #include <memory>
 #include <opencv2/imgproc.hpp>
 #include <utility>
@@ -111,16 +115,47 @@ struct Prior {
   }
 };
 
+/// Residuals of all edge points by the 7 parameters, evaluated in parallel: each point writes its own row.
+class MissingEdges : public ceres::SizedCostFunction<ceres::DYNAMIC, 7> {
+ public:
+  explicit MissingEdges(const std::vector<MissingEdge>& terms) : terms_(terms) {
+    set_num_residuals(static_cast<int>(terms.size()));
+  }
+  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
+    using Jet = ceres::Jet<double, 7>;
+    const double* x = parameters[0];
+    double* rows = jacobians == nullptr ? nullptr : jacobians[0];
+    std::array<Jet, 7> variables;
+    for (int i = 0; i < 7; ++i) variables[static_cast<std::size_t>(i)] = Jet(x[i], i);
+    std::atomic<bool> is_valid = true;
+    tbb::parallel_for(std::size_t{0}, terms_.size(), [&](std::size_t i) {
+      if (rows == nullptr) {
+        if (!terms_[i](x, residuals + i)) is_valid = false;
+        return;
+      }
+      Jet missing;
+      if (!terms_[i](variables.data(), &missing)) is_valid = false;
+      residuals[i] = missing.a;
+      Eigen::Map<Eigen::Matrix<double, 7, 1>>(rows + 7 * i) = missing.v;
+    });
+    return is_valid;
+  }
+
+ private:
+  const std::vector<MissingEdge>& terms_;
+};
+
 /// All views at one blur.
 class Level {
  public:
   /// Uses every `step`-th point.
-  Level(const std::vector<View>& views, const Camera& camera, double blur, std::size_t step) : camera_(camera) {
-    for (const View& view : views) {
-      images_.push_back(std::make_unique<EdgeImages>(view.smoothed, blur));
-      for (std::size_t i = 0; i < view.points.size(); i += step)
-        terms_.push_back({&view.points[i], images_.back().get(), &camera_});
-    }
+  Level(const std::vector<View>& views, const Camera& camera, double blur, std::size_t step)
+      : camera_(camera), images_(views.size()) {
+    tbb::parallel_for(std::size_t{0}, views.size(),
+                      [&](std::size_t i) { images_[i] = std::make_unique<EdgeImages>(views[i].smoothed, blur); });
+    for (std::size_t k = 0; k < views.size(); ++k)
+      for (std::size_t i = 0; i < views[k].points.size(); i += step)
+        terms_.push_back({&views[k].points[i], images_[k].get(), &camera_});
   }
 
   /// Mean strength of color edges at the projected depth edges, 0 to 1.
@@ -141,9 +176,7 @@ class Level {
 
   [[nodiscard]] Parameters refine(Parameters x) const {
     ceres::Problem problem;
-    for (const MissingEdge& term : terms_)
-      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<MissingEdge, 1, 7>(new MissingEdge(term)), nullptr,
-                               x.data());
+    problem.AddResidualBlock(new MissingEdges(terms_), nullptr, x.data());
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<Prior, 7, 7>(new Prior{std::sqrt(kPrior * static_cast<double>(terms_.size()))}),
         nullptr, x.data());
@@ -238,18 +271,22 @@ std::vector<View> views_of(Source& source, const GrayImages& gray, int frames) {
   const std::size_t depth_pixels = pixels_of(source.rig().depth), color_pixels = pixels_of(source.rig().color_view());
   constexpr int kDefaultStep = 15;  // for sources of unknown length
   const int step = source.size() ? std::max(1, *source.size() / frames) : kDefaultStep;
-  std::vector<View> views;
+  std::deque<View> views;  // keeps its elements in place
+  tbb::task_group tasks;   // beside decoding
   for (int i = 0; static_cast<int>(views.size()) < frames; ++i) {
     if (i % step != 0 && source.next_timestamp()) {
       source.skip();
       continue;
     }
-    const auto frame = source.next();
+    auto frame = source.next();
     if (!frame) break;
     if (i % step == 0 && !frame->problem && frame->depth.size() == depth_pixels && frame->color.size() == color_pixels)
-      views.push_back({edges(frame->depth), gray(frame->color)});
+      tasks.run([&edges, &gray, &view = views.emplace_back(), seen = std::make_shared<Frame>(std::move(*frame))] {
+        view = {edges(seen->depth), gray(seen->color)};
+      });
   }
-  return views;
+  tasks.wait();
+  return {std::make_move_iterator(views.begin()), std::make_move_iterator(views.end())};
 }
 
 }  // namespace
