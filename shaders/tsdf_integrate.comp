@@ -2,10 +2,12 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Integrates a depth image into bricks (Curless & Levoy 1996, eq. 3 and 4). One workgroup per brick; a thread processes
 // columns of eight voxels along z. Voxels in front of the measurement by more than the truncation become free space,
-// which carves away removed surfaces.
+// which carves away removed surfaces. A settled brick takes turns: every kInterval-th view is integrated, with the
+// weight of all of them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_KHR_shader_subgroup_vote : require
 #include "shaders/noise.h"
 #include "shaders/pool.h"
 layout(local_size_x = 64, local_size_x_id = 15) in;
@@ -22,8 +24,11 @@ POOL(5);
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer WideVoxels { uint64_t v[]; };
 
 const float kMaxColorWeight = 32.0;
-const float kSigmas = 3.0;      // plus a voxel, maximum disagreement of two views of the same side
-const float kMinTrust = 0.1;  // for twice that distance behind the surface
+const float kSigmas = 3.0;         // plus a voxel, maximum disagreement of two views of the same side
+const float kSettledViews = 16.0;  // minimum weight of a settled voxel, in views like the current one
+const uint kSamples = 16u;         // voxels of a brick tested for it: two in each layer along each axis
+const uint kInterval = 4u;         // views of a settled brick per integrated view
+const float kMinTrust = 0.1;       // for twice that distance behind the surface
 
 // Conversions go through int: CPU devices have no vector instruction for unsigned conversions.
 vec3 channels(uint rgb) { return vec3(ivec3(rgb & 0xffu, (rgb >> 8) & 0xffu, (rgb >> 16) & 0xffu)); }
@@ -50,6 +55,36 @@ void main() {
   // to nearest, a mean of many frames would ignore changes of less than 16 levels.
   float first_threshold = 0.618034 * float(int(push.fused_count & 4095u));
 
+  // A brick is settled if it has observed samples, and each in view has the weight of many such views and agrees with
+  // this one. Each subgroup tests all samples; lanes by thread, because lavapipe numbers a subgroup of 16 incorrectly
+  // (Mesa 22.3).
+  uint lanes = min(gl_SubgroupSize, kSamples);
+  bool is_known = false, agrees = true;
+  for (uint i = gl_LocalInvocationID.x % lanes; i < kSamples; i += lanes) {
+    uint x = 2u * (i >> 2) + (i & 1u), y = 2u * (i & 3u) + ((i >> 2) & 1u), k = (2u * (i >> 2) + 5u * (i & 3u)) & 7u;
+    vec3 p = corner + float(int(x)) * step_x + float(int(y)) * step_y + float(int(k)) * step_z;
+    vec2 pixel = focal * p.xy * (1.0 / p.z) + center;
+    bool inside = p.z > 0.0 && min(pixel.x, pixel.y) >= 0.0 && pixel.x < float(width) && pixel.y < float(height);
+    float z = inside ? uintBitsToFloat(fetch(fusion, int(pixel.y) * width + int(pixel.x)).x) : 0.0;
+    float offset = z - p.z;
+    uint word = voxel_in(push.voxels, (brick.slot << 9) | (x << 6) | (y << 3) | k).x;
+    float change = abs(min(offset, push.truncation) - voxel_distance(word) * push.truncation);
+    bool is_in_view = z > 0.0 && offset > -push.truncation;
+    bool is_settled =
+        voxel_weight(word) >= kSettledViews * depth_weight(z) && change <= voxel_size + kSigmas * depth_noise(z);
+    is_known = is_known || voxel_weight(word) > 0.0;
+    agrees = agrees && (is_settled || !is_in_view);
+  }
+  // Before another subgroup writes. A constant condition: on a CPU device a workgroup is one subgroup, and a barrier
+  // would cost as much as it saves.
+  if (gl_WorkGroupSize.x > kSamples) barrier();
+  float views = 1.0;
+  if (subgroupAny(is_known) && subgroupAll(agrees)) {
+    uvec3 b = uvec3(slots[brick.slot].brick);
+    if ((b.x * 3u + b.y * 5u + b.z * 7u + push.fused_count) % kInterval != 0u) return;
+    views = float(int(kInterval));
+  }
+
   uint differs = 0u;
   for (uint column = gl_LocalInvocationID.x; column < 64u; column += gl_WorkGroupSize.x) {
     vec3 p = corner + float(int(column >> 3)) * step_x + float(int(column & 7u)) * step_y;
@@ -67,7 +102,7 @@ void main() {
       float sdf = (z - p.z) * inverse_truncation;
       if (z > 0.0 && sdf > -1.0) {
         uvec2 old = voxel_in(push.voxels, at + k);
-        float weight = depth_weight(z);
+        float weight = views * depth_weight(z);
         float old_weight = voxel_weight(old.x);
         float d = voxel_distance(old.x);
         // Opposite signs may mean that a thin sheet was seen from both sides: the value far behind the surface then
@@ -78,16 +113,17 @@ void main() {
         old_weight *= d < 0.0 ? trust : 1.0;
         float sum = old_weight + weight;
         d += (min(sdf, 1.0) - d) * (weight / sum);
-        uint word = distance_and_weight(int(roundEven(d * kDistanceUnits)),
-                                        int(min(sum, max_weight) * kWeightUnits + 0.5));
+        uint word =
+            distance_and_weight(int(roundEven(d * kDistanceUnits)), int(min(sum, max_weight) * kWeightUnits + 0.5));
         differs |= (word ^ old.x) & 0xffffu;
         differs |= old.x < 0x10000u ? 1u : 0u;  // first observation
         uint rgb = old.y;
         if (has_color && sdf < 1.0 && measured.y >= 0x1000000u) {
           float n = float(int(rgb >> 24));
           vec3 mean = channels(rgb);
-          mean += (channels(measured.y) - mean) * (1.0 / (n + 1.0)) + threshold;
-          rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) | (int(min(n + 1.0, kMaxColorWeight)) << 24));
+          mean += (channels(measured.y) - mean) * (views / (n + views)) + threshold;
+          rgb = uint(int(mean.x) | (int(mean.y) << 8) | (int(mean.z) << 16) |
+                     (int(min(n + views, kMaxColorWeight)) << 24));
         }
         voxels.v[at + k] = pack64(uvec2(word, rgb));
       }

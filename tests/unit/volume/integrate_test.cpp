@@ -9,6 +9,7 @@
 
 #include "cairn/mapping/mapper.hpp"
 #include "preprocess/preprocess.hpp"
+#include "shaders/voxel.h"
 #include "support/scenes.hpp"
 #include "volume/polygonize.hpp"
 
@@ -48,6 +49,73 @@ TEST(Integrate, KeepsAdaptingColorsToSmallChanges) {
   for (int i = 0; i < 200; ++i)
     (void)integrator.integrate(preprocessor.preprocess(wall(camera, 110)), pose, volume, ++fused_count);
   EXPECT_NEAR(mean(), 110, 1);
+}
+
+/// A camera before a wall, and the volume of its frames.
+class WallFusion {
+ public:
+  /// Fuses a frame of the wall at `depth` meters from a camera `closer` meters nearer to the wall than the first.
+  IntegrationResult fuse(float depth, double closer = 0) {
+    Frame frame = wall(camera_, 100);
+    std::fill(frame.depth.begin(), frame.depth.end(), depth);
+    return integrator_.integrate(preprocessor_.preprocess(frame), Eigen::Isometry3d(Eigen::Translation3d(0, 0, closer)),
+                                 volume_, ++frames_);
+  }
+  /// Largest weight of a voxel, observations.
+  float max_weight() {
+    float weight = 0;
+    for (const Brick& brick : volume_.bricks()) {
+      const std::uint64_t* voxels = volume_.on_host().find(brick);
+      for (int v = 0; v < 512; ++v) weight = std::max(weight, shader::voxel_weight(voxels[v]));
+    }
+    return weight;
+  }
+
+ private:
+  Camera camera_{160, 120, 131.25, 131.25, 79.5, 59.5, {}};
+  Preprocessor preprocessor_{test_device(), camera_, {}, 1, 0};
+  Integrator integrator_{test_device(), camera_, {}};
+  Volume volume_{test_device(), {.voxel_size = 0.02f, .truncation = 0.08f, .device_memory = 64 << 20}, 5.0f};
+  std::uint32_t frames_ = 0;
+};
+
+constexpr float kNoise = 0.001f;  // meters, between frames of the same wall: every integrated frame changes distances
+
+TEST(Integrate, ChangesASettledBrickEveryFourthFrameWithTheWeightOfAll) {
+  WallFusion fusion;
+  std::size_t all = 0;
+  for (int i = 0; i < 20; ++i) all = std::max(all, fusion.fuse(1 + kNoise * static_cast<float>(i % 2)).changed.size());
+  ASSERT_GT(all, 50u);
+  std::vector<Brick> changed;
+  for (int i = 0; i < 16; ++i) {
+    const IntegrationResult fused = fusion.fuse(1 + kNoise * static_cast<float>(i % 3));
+    EXPECT_LT(fused.changed.size(), all / 2);
+    EXPECT_GT(fused.changed.size(), all / 8);
+    if (i < 4) changed.insert(changed.end(), fused.changed.begin(), fused.changed.end());
+  }
+  const std::size_t all_turns = changed.size();
+  std::sort(changed.begin(), changed.end(), before);
+  changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+  EXPECT_GT(changed.size(), all * 4 / 5);
+  EXPECT_LT(all_turns, 2 * changed.size());  // at the border, bricks without a sample in view are not settled
+  EXPECT_NEAR(fusion.max_weight(), 36, 4);
+}
+
+TEST(Integrate, ChangesASettledBrickAtOnceWhereTheSurfaceHasMoved) {
+  WallFusion fusion;
+  std::size_t all = 0;
+  for (int i = 0; i < 40; ++i) all = std::max(all, fusion.fuse(1 + kNoise * static_cast<float>(i % 2)).changed.size());
+  EXPECT_GT(fusion.fuse(0.96f).changed.size(), all * 4 / 5);
+}
+
+// A view from half the distance weighs four times as much.
+TEST(Integrate, ChangesASettledBrickInEveryCloserView) {
+  WallFusion fusion;
+  for (int i = 0; i < 40; ++i) (void)fusion.fuse(2 + kNoise * static_cast<float>(i % 2));
+  for (int i = 0; i < 6; ++i) {
+    const IntegrationResult fused = fusion.fuse(1 + kNoise * static_cast<float>(i % 2), 1);
+    EXPECT_GT(fused.changed.size(), static_cast<std::size_t>(fused.touched) / 2);
+  }
 }
 
 TEST(Integrate, IgnoresAFrameWithoutUsableDepth) {
