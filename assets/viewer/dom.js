@@ -21,17 +21,6 @@ export function setStatus(status, words) {
   shown.title = words;  // for truncated text
 }
 
-/** Buttons of every map view. */
-export function viewButtons(scene) {
-  const look = element('button', { onclick: () => show(scene.look === 'color' ? 'shape' : 'color') });
-  const show = (name) => {
-    scene.setLook(name);
-    look.textContent = name === 'color' ? 'Show shape' : 'Show color';
-  };
-  show('color');
-  return [look, element('button', { onclick: () => { scene.setFollow(false); scene.lookAtAll(); } }, 'Show all')];
-}
-
 /** A labeled slider; `show(value)` formats its value. `set(value)` moves it without calling `input`. */
 export function slider({ label, min = 0, max = 1, step = 0.01, value = min, show = String, input }) {
   const range = element('input', { type: 'range', min, max, step, value });
