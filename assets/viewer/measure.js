@@ -10,7 +10,6 @@ import { meters, squareMeters } from './words.js';
 const kMaxClickMotion = 6;  // maximum pointer motion of a click in pixels
 const kKinds = [['distance', 'Distance'], ['height', 'Height'], ['area', 'Area'], ['point', 'Point']];
 const kPointCount = { distance: 2, height: 2, point: 1, area: Infinity };
-const kColor = 0xffc531;
 const kHints = {
   distance: 'Click two places. Near an edge or a corner the place snaps to it.',
   height: 'Click two places to measure their difference in height.',
@@ -42,6 +41,9 @@ export class Measure {
     Object.assign(this, { scene, surface, snap: new Snap(scene, surface, voxel), kind: 'distance', done: [], points: [], isOn: false });
     this.group = new THREE.Group();
     scene.scene.add(this.group);
+    this.dots = new THREE.PointsMaterial({ size: 9 * scene.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false });
+    this.lines = new THREE.LineBasicMaterial({ depthTest: false });
+    for (const { color } of [this.dots, this.lines]) scene.tint(color, 'mark');
     this.labels = element('div', { id: 'labels', aria: { hidden: 'true' } });
     this.cross = element('div', { className: 'cross', hidden: true });
     this.cursor = element('div', { className: 'cursor', hidden: true });
@@ -195,9 +197,8 @@ export class Measure {
       const [high, low] = points[0].y > points[1].y ? points : [points[1], points[0]];
       outline.splice(0, 2, high, new THREE.Vector3(high.x, low.y, high.z), low);
     }
-    const dots = new THREE.Points(new THREE.BufferGeometry().setFromPoints(points),
-                                  new THREE.PointsMaterial({ color: kColor, size: 9 * this.scene.renderer.getPixelRatio(), sizeAttenuation: false, depthTest: false }));
-    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(outline), new THREE.LineBasicMaterial({ color: kColor, depthTest: false }));
+    const dots = new THREE.Points(new THREE.BufferGeometry().setFromPoints(points), this.dots);
+    const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints(outline), this.lines);
     for (const object of [line, dots]) {
       object.renderOrder = 10;
       object.frustumCulled = false;

@@ -11,7 +11,8 @@ const kMargin = 1.08;
 export class Plan {
   constructor(scene, surface, level, turn) {
     Object.assign(this, { scene, surface, level, turn, isOn: false });
-    this.outline = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xffffff, depthTest: false }));
+    this.outline = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ depthTest: false }));
+    scene.tint(this.outline.material.color, 'outline');
     this.outline.frustumCulled = false;
     this.outline.visible = false;
     scene.scene.add(this.outline);

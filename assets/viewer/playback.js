@@ -10,7 +10,6 @@ import { seconds as said } from './words.js';
 
 const kClickTolerance = 14;  // click tolerance in pixels
 const kFx = 0.91;            // image widths: about 58 degrees, typical of depth cameras
-const kColors = { keyframe: 0xffc531, lost: 0xff5d5d };
 
 export class Playback {
   /** `data`: trajectory, keyframes and the report of the map. */
@@ -55,15 +54,16 @@ export class Playback {
     const group = new THREE.Group(), placesAt = (times) => times.map((time) => poseAt(this.trajectory, time).place);
     const dots = (places, color, size) => {
       const points = new THREE.Points(new THREE.BufferGeometry().setFromPoints(places),
-                                      new THREE.PointsMaterial({ color, size: size * this.scene.renderer.getPixelRatio(), sizeAttenuation: false }));
+                                      new THREE.PointsMaterial({ size: size * this.scene.renderer.getPixelRatio(), sizeAttenuation: false }));
+      this.scene.tint(points.material.color, color);
       points.frustumCulled = false;
       group.add(points);
     };
-    dots(placesAt(this.keyframeTimes), kColors.keyframe, 6);
+    dots(placesAt(this.keyframeTimes), 'mark', 6);
     const ends = placesAt(this.lost.flat());
-    dots(ends, kColors.lost, 8);
-    const lines = new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(ends), new THREE.LineBasicMaterial({ color: kColors.lost }));
-    lines.frustumCulled = false;
+    dots(ends, 'lost-mark', 8);
+    const lines = this.scene.line('lost-mark', true);
+    lines.geometry.setFromPoints(ends);
     group.add(lines);
     this.scene.world.add(group);
     return group;

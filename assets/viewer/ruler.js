@@ -37,22 +37,22 @@ export class Ruler {
     this.bar.style.width = `${(meters / pixel).toFixed(1)}px`;
   }
 
-  get hasGrid() { return Boolean(this.grid); }
+  get hasGrid() { return Boolean(this.grid?.visible); }
 
   /** Toggles a grid of 1 m. */
   toggleGrid() {
-    if (this.grid) {
-      this.grid.removeFromParent();
-      this.grid.geometry.dispose();
-      this.grid = null;
-    } else {
-      const { box } = this.scene, size = box.getSize(new THREE.Vector3()), middle = box.getCenter(new THREE.Vector3());
-      const cells = Math.max(2, 2 * Math.ceil(Math.hypot(size.x, size.z) / 2));
-      this.grid = new THREE.GridHelper(cells, cells, 0xffffff, 0xaeb9c6);
-      this.grid.position.set(middle.x, this.level + kGridHeight, middle.z);
-      this.grid.rotation.y = this.turn;
-      this.scene.scene.add(this.grid);
-    }
+    if (this.grid) this.grid.visible = !this.grid.visible;
+    else this.grid = this.makeGrid();
     this.scene.isStale = true;
+  }
+
+  makeGrid() {
+    const { box, scene } = this.scene, size = box.getSize(new THREE.Vector3()), middle = box.getCenter(new THREE.Vector3());
+    const cells = Math.max(2, 2 * Math.ceil(Math.hypot(size.x, size.z) / 2)), grid = new THREE.GridHelper(cells, cells, 0xffffff, 0xffffff);
+    this.scene.tint(grid.material.color, 'grid');
+    grid.position.set(middle.x, this.level + kGridHeight, middle.z);
+    grid.rotation.y = this.turn;
+    scene.add(grid);
+    return grid;
   }
 }

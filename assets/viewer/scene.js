@@ -5,8 +5,7 @@ import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { behind } from './follow.js';
 import { placeAt } from './path.js';
-
-const kPathColor = 0x4c8dff, kLoopColor = 0x37b26c, kCameraColor = 0xffc531;
+import { onTheme, themeColor } from './theme.js';
 
 /** Linear intensity of an sRGB byte, scaled to 65535: three.js uses linear colors. */
 const kLinear = Uint16Array.from({ length: 256 }, (_, c) => 65535 * new THREE.Color().setRGB(c / 255, 0, 0, THREE.SRGBColorSpace).r);
@@ -37,7 +36,7 @@ export class Scene {
     canvas.setAttribute('aria-label', 'The map; arrow keys turn it');
     element.append(canvas);
     this.scene = new THREE.Scene();
-    this.scene.background = new THREE.Color(0x14171b);
+    this.scene.background = new THREE.Color();
     this.perspective = new THREE.PerspectiveCamera(kVerticalFov, 1, 0.02, 500);
     this.orthographic = new THREE.OrthographicCamera(-1, 1, 1, -1, 0.01, 500);
     this.camera = this.perspective;
@@ -57,9 +56,9 @@ export class Scene {
     this.world.quaternion.copy(kHalfTurn);
     this.scene.add(this.world);
     this.surface = new THREE.Group();
-    this.path = this.line(kPathColor);
-    this.loops = this.line(kLoopColor, true);
-    this.frustum = this.line(kCameraColor, true);
+    this.path = this.line('path');
+    this.loops = this.line('loop', true);
+    this.frustum = this.line('mark', true);
     this.world.add(this.surface, this.path, this.loops, this.frustum);
     this.submaps = new Map();
     this.parts = new Map();
@@ -70,7 +69,7 @@ export class Scene {
     // Materials are single-sided, so that a view from outside shows the inside of a room.
     this.materials = {
       color: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
-      shape: new THREE.MeshLambertMaterial({ color: 0xc9ced6, clippingPlanes: this.clipping }),
+      shape: new THREE.MeshLambertMaterial({ clippingPlanes: this.clipping }),
       normal: new THREE.MeshBasicMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
       tinted: new THREE.MeshLambertMaterial({ vertexColors: true, clippingPlanes: this.clipping }),
     };
@@ -78,8 +77,18 @@ export class Scene {
     this.follow = false;
     this.movers = new Set();   // called with the seconds since the last frame, before each frame
     this.watchers = new Set();  // called after each frame
+    this.tint(this.scene.background, 'ground');
+    this.tint(this.materials.shape.color, 'shape');
     new ResizeObserver(() => this.resize()).observe(element);
     this.resize();
+  }
+
+  /** Keeps a color at a variable of style.css. */
+  tint(color, name) {
+    onTheme(() => {
+      color.set(themeColor(name));
+      this.isStale = true;
+    });
   }
 
   /** Starts drawing. Call it after loading, since drawing an empty view costs time. */
@@ -87,8 +96,10 @@ export class Scene {
     this.renderer.setAnimationLoop(() => this.draw());
   }
 
-  line(color, segments = false) {
-    const material = new THREE.LineBasicMaterial({ color });
+  /** Line in a color of style.css. */
+  line(name, segments = false) {
+    const material = new THREE.LineBasicMaterial();
+    this.tint(material.color, name);
     const line = segments ? new THREE.LineSegments(new THREE.BufferGeometry(), material)
                           : new THREE.Line(new THREE.BufferGeometry(), material);
     line.frustumCulled = false;

@@ -37,7 +37,8 @@ export class Section {
   constructor(scene, turn) {
     this.scene = scene;
     this.turn = turn;
-    this.outline = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry()), new THREE.LineBasicMaterial({ color: 0xffc531 }));
+    this.outline = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry()), new THREE.LineBasicMaterial());
+    scene.tint(this.outline.material.color, 'mark');
     this.outline.visible = false;
     scene.scene.add(this.outline);
     this.sliders = element('div', {});

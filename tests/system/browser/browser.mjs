@@ -59,7 +59,7 @@ export async function until(condition, what = () => 'it did not happen', seconds
   }
 }
 
-/** Calls `test(open)`; `open(url, size, initial script)` returns a page. Fails if a page writes an error to its console. */
+/** Calls `test(open)`; `open(url, size, initial script, options of the context)` returns a page. Fails if a page writes an error to its console. */
 export async function withBrowser(test) {
   const executablePath = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
   if (!executablePath) throw new Error('Chromium is missing: run scripts/install-deps --tests');
@@ -68,8 +68,8 @@ export async function withBrowser(test) {
   });
   const errors = [];
   try {
-    await test(async (url, viewport = { width: 1280, height: 800 }, beforehand = () => {}) => {
-      const page = await browser.newPage({ viewport });
+    await test(async (url, viewport = { width: 1280, height: 800 }, beforehand = () => {}, options = {}) => {
+      const page = await browser.newPage({ viewport, ...options });
       page.setDefaultNavigationTimeout(120000);  // a page with an embedded mesh, on shared cores
       await page.addInitScript(beforehand);
       page.on('console', (message) => { if (message.type() === 'error') errors.push(message.text()); });

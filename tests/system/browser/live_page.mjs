@@ -63,7 +63,7 @@ export const going = {
 };
 
 /** `html`: the page, as served by the program; `files`: other served files, by name: [type, body]. */
-export async function livePage(open, html, viewport, files = {}) {
+export async function livePage(open, html, viewport, files = {}, options = {}) {
   const server = createServer((request, response) => {
     const name = new URL(request.url, 'http://x').pathname.slice(1);
     const [type, body] = { '': ['text/html', html], 'data.json': ['application/json', '{"mode":"live"}'], ...files }[name] ?? [];
@@ -71,7 +71,7 @@ export async function livePage(open, html, viewport, files = {}) {
   });
   await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
   server.unref();
-  const page = await open(`http://127.0.0.1:${server.address().port}/`, viewport, simulateProgram);
+  const page = await open(`http://127.0.0.1:${server.address().port}/`, viewport, simulateProgram, options);
   await until(() => page.evaluate(() => Boolean(window.live?.onmessage && window.cairn)));
   const receive = (more = {}) => page.evaluate((state) => window.live.receive(state), { ...going, ...more });
   return { page, receive, sendPlane: (size) => page.evaluate((meters) => window.live.sendPlane(meters), size), close: () => server.close() };
@@ -83,7 +83,7 @@ export const pixels = (page) => page.evaluate(() => {
   renderer.render(scene, camera);
   const { drawingBufferWidth: width, drawingBufferHeight: height } = gl, bytes = new Uint8Array(4 * width * height);
   gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-  const is = (i) => Math.abs(bytes[4 * i] - 0x14) + Math.abs(bytes[4 * i + 1] - 0x17) + Math.abs(bytes[4 * i + 2] - 0x1b) > 12;
+  const ground = scene.background.getHex(), is = (i) => [16, 8, 0].reduce((sum, shift, k) => sum + Math.abs(bytes[4 * i + k] - (ground >> shift & 255)), 0) > 12;
   let covered = 0;
   for (let i = 0; i < width * height; ++i) covered += is(i);
   const middle = Math.floor(height / 2) * width;

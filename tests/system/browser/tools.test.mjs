@@ -356,7 +356,7 @@ const checks = {
   },
 
   async 'the rest'(page, { width }) {
-    const grids = () => inScene(page, () => window.cairn.scene.children.filter(({ type }) => type === 'GridHelper').length);
+    const grids = () => inScene(page, () => window.cairn.scene.children.filter(({ type, visible }) => type === 'GridHelper' && visible).length);
     for (const way of ways(page, 'Grid of 1 m on the floor', 'g')) {
       await way();
       assert.equal(await grids(), 1);
