@@ -7,6 +7,9 @@ import { icon } from './icons.js';
 const kMinOpenWidth = 1000;  // minimum window width in pixels for an open panel
 const kStorageKey = 'cairn-panel';
 
+/** Screens with room for a tool's card or the panel, not for both; as in style.css. */
+const kPhone = matchMedia('(max-width: 560px), (max-width: 760px) and (orientation: portrait), (max-height: 560px)');
+
 /** Stored state; null if storage is disabled in the browser. */
 function stored() {
   try {
@@ -37,6 +40,8 @@ export function foldingPanel() {
     store(open ? 'open' : 'folded');
   };
   button.addEventListener('click', () => fold());
+  const card = document.getElementById('card');
+  new MutationObserver(() => { if (kPhone.matches && !card.hidden) show(false); }).observe(card, { attributeFilter: ['hidden'] });
   show(stored() ? stored() === 'open' : innerWidth >= kMinOpenWidth);
   return fold;
 }

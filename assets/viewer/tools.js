@@ -41,7 +41,7 @@ function savePicture(scene, name) {
 
 function toggleFullScreen() {
   if (document.fullscreenElement) document.exitFullscreen();
-  else document.documentElement.requestFullscreen?.();
+  else document.documentElement.requestFullscreen();
 }
 
 function doubleClicks(scene, surface) {
@@ -94,8 +94,10 @@ export function addTools(scene, data, fields, fold) {
     doubleClicks(scene, surface);
   }
   bar.add({ name: 'Save a picture', label: 'Picture', key: 'x', symbol: 'picture', press: () => savePicture(scene, data.name) });
-  const full = bar.add({ name: 'Full screen', label: 'Full', key: 'f', symbol: 'full', press: toggleFullScreen });
-  document.addEventListener('fullscreenchange', () => full.setAttribute('aria-pressed', Boolean(document.fullscreenElement)));
+  if (document.fullscreenEnabled) {  // not on an iPhone
+    const full = bar.add({ name: 'Full screen', label: 'Full', key: 'f', symbol: 'full', press: toggleFullScreen });
+    document.addEventListener('fullscreenchange', () => full.setAttribute('aria-pressed', Boolean(document.fullscreenElement)));
+  }
   bar.addKey({ name: 'Fold or open the panel', key: 'i', press: () => fold() });
   bar.addHelp();
   scene.isStale = true;

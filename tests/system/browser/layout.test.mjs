@@ -1,12 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Light and dark colors of a finished map and of the live page.
+// Layout on phones, and light and dark colors, of a finished map and of the live page.
 import assert from 'node:assert/strict';
 import { join } from 'node:path';
 import test from 'node:test';
 import { pathToFileURL } from 'node:url';
 import { Program, inFolder, isAccessible, pictures, run, timeline, until, withBrowser } from './browser.mjs';
 import { livePage } from './live_page.mjs';
+
+const kFinger = 44;  // pixels: minimum size of a control (WCAG 2.2, 2.5.5)
+const kPhones = [
+  { width: 390, height: 844, insets: { top: 47, bottom: 34 } }, { width: 360, height: 640, insets: {} },
+  { width: 844, height: 390, insets: { left: 47, right: 47, bottom: 21 } }, { width: 640, height: 360, insets: {} },
+];
+const kPhone = { isMobile: true, hasTouch: true };
+
+/** Sets the display areas covered by a notch or a home indicator. */
+async function setInsets(page, insets) {
+  const session = await page.context().newCDPSession(page);
+  await session.send('Emulation.setSafeAreaInsetsOverride', { insets });
+}
+
+/** Controls that are too small, outside of the safe area, or under another element. */
+const faults = (page, insets) => page.evaluate(([finger, { top = 0, right = 0, bottom = 0, left = 0 }]) => {
+  const found = [];
+  for (const control of document.querySelectorAll('button, select, input, summary, a[href]')) {
+    if (!control.checkVisibility()) continue;
+    if (control.closest('#panel, #card, #help')) control.scrollIntoView({ block: 'center' });
+    const target = control.closest('label') ?? control, box = target.getBoundingClientRect();
+    const name = control.getAttribute('aria-label') ?? target.textContent, at = [box.left, box.top, box.right, box.bottom].map(Math.round).join(' ');
+    if (box.width < finger || box.height < finger) found.push(`${name} is too small: ${box.width} x ${box.height}`);
+    if (box.left < left || box.top < top || box.right > innerWidth - right || box.bottom > innerHeight - bottom) found.push(`${name} is outside: ${at}`);
+    const hit = document.elementFromPoint((box.left + box.right) / 2, (box.top + box.bottom) / 2);
+    if (!target.contains(hit)) found.push(`${name} at ${at} is under ${hit?.outerHTML.slice(0, 80)}`);
+  }
+  if (document.documentElement.scrollWidth > innerWidth || document.documentElement.scrollHeight > innerHeight) found.push('the page scrolls');
+  return found;
+}, [kFinger, insets]);
+
+const screen = ({ width, height }) => `${width}x${height}`;
 
 /** Calls `test(folder)` with a small finished map. */
 const withMap = (test) => inFolder(async (folder) => {
@@ -30,6 +62,51 @@ async function liveHtml() {
   });
   return html;
 }
+
+test('every control of a finished map is within reach on a phone', () => withMap((map) => withBrowser(async (open) => {
+  for (const phone of kPhones) {
+    const page = await openReport(open, map, phone, kPhone);
+    await setInsets(page, phone.insets);
+    const check = async (what) => assert.deepEqual(await faults(page, phone.insets), [], `${what} at ${screen(phone)}`);
+    await check('the toolbar');
+    const scene = await page.locator('#scene').boundingBox();
+    assert.ok(scene.width * scene.height > 0.4 * phone.width * phone.height, `a small picture at ${screen(phone)}`);
+    await page.screenshot({ path: join(pictures, `phone-${screen(phone)}.png`) });
+    for (const name of ['Floor plan', 'Measure', 'Section box', 'Walk', 'Play the path', 'Colors']) {
+      await page.getByRole('button', { name, exact: true }).tap();
+      assert.ok(await page.locator('#card').isVisible());
+      await check(name);
+      const { width, height } = await page.locator('#scene').boundingBox();
+      assert.ok(width >= 150 && height >= 120, `${name} at ${screen(phone)} leaves ${width} x ${height} of the picture`);
+    }
+    await page.screenshot({ path: join(pictures, `phone-tool-${screen(phone)}.png`) });
+    // The panel takes the place of the card, and a tool takes that of the panel.
+    await page.locator('#fold').tap();
+    assert.ok(!(await page.locator('#card').isVisible()));
+    await check('the panel');
+    await page.screenshot({ path: join(pictures, `phone-panel-${screen(phone)}.png`) });
+    await page.getByRole('button', { name: 'Measure', exact: true }).tap();
+    assert.ok(!(await page.locator('#panel').isVisible()));
+    await page.getByRole('button', { name: 'Show the keys' }).tap();
+    await page.getByRole('button', { name: 'Close the keys' }).tap();
+    await page.close();
+  }
+})));
+
+test('every control of the live page is within reach on a phone', () => withBrowser(async (open) => {
+  const html = await liveHtml();
+  for (const phone of kPhones) {
+    const { page, receive, close } = await livePage(open, html, phone, {}, kPhone);
+    await setInsets(page, phone.insets);
+    await receive();
+    assert.deepEqual(await faults(page, phone.insets), [], screen(phone));
+    await page.screenshot({ path: join(pictures, `phone-live-${screen(phone)}.png`) });
+    await page.locator('#fold').tap();
+    assert.deepEqual(await faults(page, phone.insets), [], `the panel at ${screen(phone)}`);
+    await page.close();
+    close();
+  }
+}));
 
 /** Contrast of two variables of style.css (WCAG 2.2, 1.4.3). */
 const contrasts = (page, pairs) => page.evaluate((pairs) => {
