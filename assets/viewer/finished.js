@@ -8,14 +8,37 @@ import { fillPanel, framesInWords, kLevels, levelOf } from './panel.js';
 import { Tiles } from './tiles.js';
 import { addTools } from './tools.js';
 
+const kPollInterval = 30;  // milliseconds
+
 function decoded(base64) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
   return bytes.buffer;
 }
 
-/** Fetches a file. `progress(bytes)` is called with the bytes so far. */
+/** Bytes of a file in this page: elements with base64, added by the browser while it parses the page. */
+async function embedded(name, progress) {
+  const chunks = [];
+  let bytes = 0;
+  for (let isComplete = false; !isComplete;) {
+    isComplete = document.readyState !== 'loading';
+    for (const part of document.querySelectorAll(`script[data-of="${name}"]`)) {
+      const next = part.nextElementSibling;
+      if (!next && !isComplete) break;  // the end of the element is not parsed
+      isComplete ||= next.dataset.of !== name;
+      chunks.push(decoded(part.textContent));
+      bytes += chunks.at(-1).byteLength;
+      part.remove();
+    }
+    progress?.(bytes);
+    if (!isComplete) await new Promise((resolve) => setTimeout(resolve, kPollInterval));
+  }
+  return new Blob(chunks).arrayBuffer();
+}
+
+/** Bytes of a file of the server, or of this page ("#name"). `progress(bytes)` is called with the bytes so far. */
 async function fetched(url, progress) {
+  if (url.startsWith('#')) return embedded(url.slice(1), progress);
   const answer = await fetch(url);
   if (!answer.ok) throw new Error(`${url} cannot be fetched: ${answer.status} ${answer.statusText}`);
   if (!progress) return answer.arrayBuffer();
@@ -28,23 +51,26 @@ async function fetched(url, progress) {
   return new Blob(chunks).arrayBuffer();
 }
 
-/** Fetches the mesh; a note on the scene states the progress. */
-async function fetchedMesh({ mesh, files }) {
-  const note = element('div', { id: 'loading', role: 'status' }), mb = (bytes) => (bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0);
-  const total = files?.find((file) => file.name === 'mesh.glb')?.bytes;
+/** Note on the scene with the loaded bytes of the mesh: an element with `show(bytes)`. */
+function loadingNote({ mesh_bytes: embeddedBytes, files }) {
+  const total = embeddedBytes ?? files?.find(({ name }) => name === 'mesh.glb')?.bytes, mb = (bytes) => (bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0);
+  const note = element('div', { id: 'loading', aria: { role: 'progressbar', label: 'Loading the mesh' } });
+  const show = (bytes) => {
+    note.textContent = `Loading ${mb(bytes)}${total ? ` of ${mb(total)}` : ''} MB`;
+    if (!total) return;
+    note.style.setProperty('--share', bytes / total);
+    note.setAttribute('aria-valuenow', Math.round(100 * bytes / total));
+  };
+  show(0);
   document.getElementById('scene').append(note);
-  try {
-    return await fetched(mesh, (bytes) => { note.textContent = `Loading ${mb(bytes)}${total ? ` of ${mb(total)}` : ''} MB`; });
-  } finally {
-    note.remove();
-  }
+  return Object.assign(note, { show });
 }
 
 /** Returns a function that loads the map's fields on its first call. */
-function fieldsOf({ fields, fields_base64: inline }) {
+function fieldsOf({ fields }) {
   let made;
   return async () => {
-    made ??= inline ? readFields(decoded(inline)) : readFields(await fetched(fields));
+    made ??= readFields(await fetched(fields));
     return made;
   };
 }
@@ -55,14 +81,19 @@ function fieldsOf({ fields, fields_base64: inline }) {
  */
 async function showMesh(scene, data, seen) {
   const isEmpty = scene.triangles === 0;  // a live map is already visible
-  const coarse = data.first && isEmpty ? await fetched(data.first).catch(() => null) : null;
-  if (coarse) await seen((await loadModel(coarse)).model);
-  const { model, textured } = await loadModel(data.mesh_base64 ? decoded(data.mesh_base64) : await fetchedMesh(data));
-  if (isEmpty && !coarse) await seen(model);
-  await textured;
-  if (scene.model === model) scene.setLook(scene.look);
-  else if (coarse) scene.setModel(model);
-  else await seen(model);
+  const note = loadingNote(data);
+  try {
+    const coarse = data.first && isEmpty ? await fetched(data.first).catch(() => null) : null;
+    if (coarse) await seen((await loadModel(coarse)).model);
+    const { model, textured } = await loadModel(await fetched(data.mesh, note.show));
+    if (isEmpty && !coarse) await seen(model);
+    await textured;
+    if (scene.model === model) scene.setLook(scene.look);
+    else if (coarse) scene.setModel(model);
+    else await seen(model);
+  } finally {
+    note.remove();
+  }
 }
 
 /** Shows the tiles of a building, starting with a complete coarse view. */
@@ -86,20 +117,25 @@ export async function showFinished(scene, data, fold) {
   if (report) setStatus(levelOf(report), framesInWords(report));
   else if (data.verdict) setStatus(kLevels[data.verdict.level] ?? 'weak', data.verdict.words);
   else setStatus('good', data.tileset ? 'A building in tiles' : 'A mesh without a report');
-  scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
-  scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
+  const showPath = () => {
+    scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
+    scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
+  };
   let isSeen = false;
   const seen = async (model) => {
     if (model) scene.setModel(model);
+    else showPath();
     if (model && trajectory.length > 0) scene.lookFrom(trajectory[0]);
     else if (!scene.tiles) scene.lookAtAll();
     scene.begin();
     await scene.shown();
     performance.mark('picture');
     isSeen = true;
-    fillPanel(panel, data);  // after the map is visible
+    // After the map is visible: software compiles a shader for lines in 0.1 s.
+    showPath();
+    fillPanel(panel, data);
   };
-  if (data.mesh || data.mesh_base64) {
+  if (data.mesh) {
     try {
       await showMesh(scene, data, seen);
     } catch (error) {  // Draco's decoder is not part of this page

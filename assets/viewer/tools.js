@@ -55,7 +55,7 @@ function doubleClicks(scene, surface) {
 
 export function addTools(scene, data, fields, fold) {
   const { report, trajectory } = data, bar = new Toolbar();
-  const hasMesh = Boolean(scene.model), hasPath = trajectory.length > 1, hasFields = Boolean(data.fields || data.fields_base64);
+  const hasMesh = Boolean(scene.model), hasPath = trajectory.length > 1, hasFields = Boolean(data.fields);
   const level = floorLevel(scene), turn = wallsTurn(scene.meshes()), surface = new Surface(scene);
   const ruler = new Ruler(scene, level, turn);
   const begin = () => (trajectory.length > 0 ? scene.lookFrom(trajectory[0]) : scene.lookAtAll());

@@ -6,11 +6,14 @@
 #include <spdlog/spdlog.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <boost/archive/iterators/base64_from_binary.hpp>
 #include <boost/archive/iterators/transform_width.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/json_text.hpp"
@@ -18,12 +21,12 @@
 #include "base/quoted.hpp"
 #include "base/read_json.hpp"
 #include "cairn/mapping/trajectory.hpp"
-#include "cairn/mapping/viewer.hpp"
 #include "net/file_below.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
 #include "view/first_mesh.hpp"
 #include "view/keyframe_pictures.hpp"
+#include "view/page_mesh.hpp"
 
 namespace cairn {
 namespace {
@@ -37,15 +40,62 @@ constexpr std::size_t kInlinePictures = 40;
 constexpr std::size_t kInlineCells = 300'000;         // of fields: 1.2 MB as text
 constexpr std::size_t kInlinePictureBytes = 600'000;  // limit for all pictures as text
 
-constexpr std::size_t kMaxInlineBytes = std::size_t{128} << 20;  // of a mesh, also of a preview
-constexpr std::size_t kMaxReportBytes = std::size_t{1} << 30;    // bytes
+constexpr std::size_t kMaxReducedBytes = std::size_t{256} << 20;  // of a mesh file: larger ones take minutes
+constexpr std::size_t kMaxReportBytes = std::size_t{1} << 30;     // bytes
+constexpr std::size_t kMaxItems = 2048;                           // of a list in a page
+constexpr std::size_t kReservedBytes = 1 << 15;                   // for the names of a page's mesh
 
-std::string base64(const std::string& bytes) {
+// Text in elements of 64 KiB is parsed in half the time of elements of 1 MiB, and the page is drawn between them.
+constexpr std::size_t kElementBytes = 3 << 14, kElementText = kElementBytes / 3 * 4, kTagBytes = 64;
+
+std::string base64(std::string_view bytes) {
   using namespace boost::archive::iterators;
-  using Letters = base64_from_binary<transform_width<std::string::const_iterator, 6, 8>>;
+  using Letters = base64_from_binary<transform_width<std::string_view::const_iterator, 6, 8>>;
   std::string text(Letters(bytes.begin()), Letters(bytes.end()));
   text.append((3 - bytes.size() % 3) % 3, '=');
   return text;
+}
+
+/// HTML elements with a file; see PageContent.
+std::string elements_of(const char* name, std::string_view bytes) {
+  std::string html;
+  for (; !bytes.empty(); bytes.remove_prefix(std::min(kElementBytes, bytes.size())))
+    html += fmt::format("<script type=\"text/plain\" data-of=\"{}\">{}</script>\n", name,
+                        base64(bytes.substr(0, kElementBytes)));
+  return html;
+}
+
+/// Maximum size of a file whose elements have at most `text` bytes.
+std::size_t embeddable(std::size_t text) {
+  const std::size_t tags = (text / kElementText + 1) * kTagBytes;
+  return text > tags ? (text - tags) / 4 * 3 : 0;
+}
+
+/// HTML element with the JSON of a page.
+std::string data_element(const Json& data) {
+  std::string text = text_of(data);
+  for (std::size_t at = 0; (at = text.find('<', at)) != text.npos;) text.replace(at, 1, "\\u003c");  // ends no script
+  return "<script type=\"application/json\" id=\"data\">" + text + "</script>\n";
+}
+
+/// Limits each list to kMaxItems items, at equal intervals. A lost frame replaces the others of its interval.
+void thin(Json& json) {
+  if (!json.is_structured()) return;
+  if (json.is_array() && json.size() > kMaxItems) {
+    const auto is_lost = [](const Json& item) {
+      return item.is_object() && item.contains("state") && item["state"] == "lost";
+    };
+    const std::size_t step = (json.size() + kMaxItems - 1) / kMaxItems;
+    Json kept = Json::array();
+    for (std::size_t i = 0; i < json.size(); i += step) {
+      const auto begin = json.begin() + static_cast<std::ptrdiff_t>(i);
+      const auto end = json.begin() + static_cast<std::ptrdiff_t>(std::min(i + step, json.size()));
+      const auto lost = std::find_if(begin, end, is_lost);
+      kept.push_back(std::move(lost == end ? *begin : *lost));
+    }
+    json = std::move(kept);
+  }
+  for (Json& item : json) thin(item);
 }
 
 Json read_report(const fs::path& folder) {
@@ -104,7 +154,11 @@ std::vector<double> keyframe_times(const Json& report) {
 
 struct FinishedMap::State {
   explicit State(const fs::path& f)
-      : folder(f), report(read_report(f)), has_mesh_file(is_below(f, "mesh.glb")), has_grids(is_below(f, "map.vdb")) {
+      : folder(f),
+        report(read_report(f)),
+        has_mesh_file(is_below(f, "mesh.glb")),
+        has_preview(is_below(f, "preview.glb")),
+        has_grids(is_below(f, "map.vdb")) {
     if (is_below(folder, "trajectory.txt")) path = read_trajectory(folder / "trajectory.txt");
     if (auto found = pictures_of(folder, keyframe_times(report))) pictures.emplace(*std::move(found));
     const auto offset = report.find("clock_offset");
@@ -123,6 +177,8 @@ struct FinishedMap::State {
     const auto found = mesh.find("triangles");
     return found != mesh.end() && found->is_number() && found->get<double>() > 2.0 * kFirstTriangles;
   }
+  /// The mesh file with less detail.
+  [[nodiscard]] fs::path smaller_mesh() const { return folder / (has_preview ? "preview.glb" : "mesh.glb"); }
   [[nodiscard]] bool has_fields() const { return has_grids; }
   [[nodiscard]] SensorModel sensor() const { return pictures ? pictures->sensor : SensorModel{}; }
   [[nodiscard]] Json json() const {
@@ -132,10 +188,11 @@ struct FinishedMap::State {
             {"trajectory", json_of(path)}};
   }
   [[nodiscard]] Json inlined_keyframes() const;
+  [[nodiscard]] std::string inlined_mesh(std::size_t max_bytes) const;
 
   fs::path folder;
   Json report;
-  bool has_mesh_file = false, has_grids = false;  // regular files, not links
+  bool has_mesh_file = false, has_preview = false, has_grids = false;  // regular files, not links
   Trajectory path;
   std::optional<SessionPictures> pictures;  // keeps the files open
   std::vector<KeyframePicture> keyframes;
@@ -153,11 +210,10 @@ std::map<std::string, Served> FinishedMap::served() const {
   }
   if (s->is_large()) {
     data["first"] = kFirstMesh;
-    files[kFirstMesh] = {.content_type = content_type_of(kFirstMesh),
-                         .body = beforehand([s]() -> Content {
-                           return std::make_shared<const Text>(first_mesh(s->folder / "mesh.glb"));
-                         }),
-                         .is_packable = true};
+    files[kFirstMesh] = {
+        .content_type = content_type_of(kFirstMesh),
+        .body = beforehand([s]() -> Content { return std::make_shared<const Text>(first_mesh(s->smaller_mesh())); }),
+        .is_packable = true};
   }
   if (s->has_fields()) {
     data["fields"] = "fields.bin";
@@ -216,28 +272,54 @@ Json FinishedMap::State::inlined_keyframes() const {
   return json;
 }
 
-std::string FinishedMap::inlined() const {
+/// Mesh of at most `max_bytes`; empty without one.
+std::string FinishedMap::State::inlined_mesh(std::size_t max_bytes) const {
+  for (const fs::path& file : {folder / "mesh.glb", smaller_mesh()})
+    if (fs::file_size(file) <= max_bytes) return FileBelow(folder, file.filename()).read(max_bytes);
+  return fs::file_size(smaller_mesh()) <= kMaxReducedBytes ? page_mesh(smaller_mesh(), max_bytes) : std::string();
+}
+
+PageContent FinishedMap::inlined(std::size_t max_bytes) const {
   const State& s = *state_;
+  PageContent content;
   Json data = s.json();
-  if (const fs::path mesh = s.folder / "mesh.glb"; s.has_mesh()) {
-    const fs::path preview = s.folder / "preview.glb";
-    const bool fits = fs::file_size(mesh) <= kMaxInlineMesh;
-    if (fits || is_below(s.folder, "preview.glb"))
-      data["mesh_base64"] = base64(FileBelow(s.folder, (fits ? mesh : preview).filename()).read(kMaxInlineBytes));
-    else
-      data["mesh_left_out"] = mesh.string();
-  }
-  if (s.has_fields()) try {
-      data["fields_base64"] = base64(bytes_of(make_fields(s.folder / "map.vdb", s.sensor(), s.path, kInlineCells)));
+  thin(data);
+  const auto attempt = [](const char* what, const auto& work) {
+    try {
+      work();
     } catch (const std::exception& error) {
-      spdlog::warn(fmt::format("report.html shows no distances: {}", error.what()));
+      spdlog::warn(fmt::format("report.html shows no {}: {}", what, error.what()));
     }
+  };
+  if (s.has_fields())
+    attempt("distances", [&] {
+      content.rest =
+          elements_of("fields", bytes_of(make_fields(s.folder / "map.vdb", s.sensor(), s.path, kInlineCells)));
+      data["fields"] = "#fields";
+    });
   if (!s.keyframes.empty()) data["keyframes"] = s.inlined_keyframes();
   data["files"] = Json::array();
   for (const Download& file : finished_files(s.folder, s.is_textured()))
     if (file.name != "report.html" && (file.name != "mesh.glb" || s.has_mesh()))
       data["files"].push_back(json_of(file, file.name));
-  return text_of(data);
+  std::string first;
+  if (s.is_large())
+    attempt("coarse mesh", [&] {
+      first = elements_of("first", first_mesh(s.smaller_mesh()));
+      data["first"] = "#first";
+    });
+  if (s.has_mesh()) {
+    const std::size_t others = data_element(data).size() + first.size() + content.rest.size() + kReservedBytes;
+    std::string mesh;
+    if (others < max_bytes) attempt("mesh", [&] { mesh = s.inlined_mesh(embeddable(max_bytes - others)); });
+    if (mesh.empty())
+      data["mesh_left_out"] = (s.folder / "mesh.glb").string();
+    else
+      data.update({{"mesh", "#mesh"}, {"mesh_bytes", mesh.size()}});
+    content.rest.insert(0, elements_of("mesh", mesh));
+  }
+  content.first = data_element(data) + first;
+  return content;
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Data of a finished map for the web page; docs/outputs.md describes the JSON fields.
 #pragma once
+#include <cstddef>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -14,6 +15,12 @@ namespace cairn {
 /// Name of the coarser mesh shown first, if served.
 inline constexpr const char* kFirstMesh = "first.glb";
 
+/// Content of a page in a single file, as HTML elements: the JSON with the first mesh, for the first picture, and the
+/// other files. A URL "#name" in the JSON refers to the base64 text of all elements with the attribute data-of="name".
+struct PageContent {
+  std::string first, rest;
+};
+
 /// Map in a folder written by `cairn reconstruct`, `live` or `merge`.
 class FinishedMap {
  public:
@@ -21,9 +28,9 @@ class FinishedMap {
   explicit FinishedMap(const std::filesystem::path& folder);
   /// `data.json` and the files it names, for a server. The result may outlive this object.
   [[nodiscard]] std::map<std::string, Served> served() const;
-  /// All data as one JSON, for a page in a file of the folder: with a smaller mesh if the mesh is too large, and with
-  /// few, small pictures. Skips failed parts with a warning.
-  [[nodiscard]] std::string inlined() const;
+  /// All data, of at most `max_bytes`, for a page in a file of the folder: with a smaller mesh if the mesh is too
+  /// large, few, small pictures, and at most 2,048 frames, poses and loops. Skips failed parts with a warning.
+  [[nodiscard]] PageContent inlined(std::size_t max_bytes) const;
 
  private:
   struct State;

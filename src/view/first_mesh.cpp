@@ -79,7 +79,9 @@ std::string first_mesh(const std::filesystem::path& file, std::size_t triangles)
   if (mesh.triangles.size() > triangles)
     mesh = clustered(mesh, std::sqrt(kTrianglesPerCell * area_of(mesh) / static_cast<float>(triangles)));
   mesh.normals.clear();
-  GltfWriter writer;
+  GltfOptions options;
+  options.compression = Compression::meshopt;
+  GltfWriter writer(options);
   writer.add("first", mesh);
   std::ostringstream out;
   writer.put(out);

@@ -21,11 +21,10 @@ std::string_view viewer_page() {
 }
 
 void write_report_page(const std::filesystem::path& folder) {
-  std::string text = FinishedMap(folder).inlined();
-  for (std::size_t at = 0; (at = text.find('<', at)) != text.npos;) text.replace(at, 1, "\\u003c");  // ends no script
   std::string page(viewer_page());
-  page.replace(page.find(kDataPlace), kDataPlace.size(),
-               "<script type=\"application/json\" id=\"data\">" + text + "</script>");
+  const PageContent content = FinishedMap(folder).inlined(kMaxReportPage - page.size());
+  page.replace(page.find(kDataPlace), kDataPlace.size(), content.first);
+  page.replace(page.rfind(kRestPlace), kRestPlace.size(), content.rest);
   write_whole(folder / "report.html", page);
 }
 

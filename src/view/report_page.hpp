@@ -12,6 +12,7 @@ namespace cairn {
 /// The viewer: a self-contained HTML file. It shows the data of its `data` element, or of `data.json` beside it.
 [[nodiscard]] std::string_view viewer_page();
 inline constexpr std::string_view kDataPlace = "<!-- data -->";  // in the page, before its script
+inline constexpr std::string_view kRestPlace = "<!-- rest -->";  // after its script, which runs before they arrive
 
 /// The viewer for a server. `preloaded`: URLs to preload while the script is parsed.
 [[nodiscard]] inline Served viewer_file(const std::vector<std::string>& preloaded = {}) {

@@ -3,7 +3,10 @@
 #pragma once
 #include <Eigen/Geometry>
 #include <array>
+#include <cmath>
+#include <cstdint>
 #include <map>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -31,6 +34,20 @@ Mesh grid_mesh(int columns, int rows, float step, const At& at) {
 
 inline Mesh flat_grid(int columns, int rows, float step) {
   return grid_mesh(columns, rows, step, [](float x, float y) { return Eigen::Vector3f(x, y, 0); });
+}
+
+/// Wavy square of `side` * `side` * 2 triangles with a texture of noise, which JPEG hardly compresses.
+inline Mesh noisy_grid(int side, int texture_size) {
+  const float step = 1.0f / static_cast<float>(side);
+  Mesh mesh = grid_mesh(side, side, step, [](float x, float y) {
+    return Eigen::Vector3f(x, y, 0.1f * std::sin(9 * x) * std::cos(7 * y));
+  });
+  for (const Eigen::Vector3f& p : mesh.positions) mesh.texture_coordinates.emplace_back(p.x(), p.y());
+  mesh.texture = {.width = texture_size, .height = texture_size, .texels = {}};
+  std::minstd_rand random(1);
+  const auto byte = [&] { return static_cast<std::uint8_t>(random() >> 8); };
+  for (int i = 0; i < texture_size * texture_size; ++i) mesh.texture.texels.push_back({byte(), byte(), byte()});
+  return mesh;
 }
 
 /// Closed sphere of radius 1: a subdivided octahedron.

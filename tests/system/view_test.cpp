@@ -122,9 +122,15 @@ TEST_F(ViewedMap, ServesItsFilesAndConversions) {
 }
 
 TEST_F(ViewedMap, InlinedPageHasTheSameDataButSmaller) {
-  const Json data = Json::parse(FinishedMap(map()).inlined());
-  EXPECT_TRUE(data.contains("mesh_base64"));
-  EXPECT_LE(data["fields_base64"].get<std::string>().size(), (3 * 300'000 + 40) * 4 / 3 + 4u);
+  const PageContent content = FinishedMap(map()).inlined(kMaxReportPage);
+  const std::string mark = "id=\"data\">";
+  const std::size_t begin = content.first.find(mark) + mark.size();
+  const Json data = Json::parse(content.first.substr(begin, content.first.find("</script>", begin) - begin));
+  EXPECT_EQ(data["mesh"], "#mesh");
+  EXPECT_EQ(data["fields"], "#fields");
+  const std::size_t fields = content.rest.find("data-of=\"fields\"");
+  ASSERT_NE(fields, std::string::npos);
+  EXPECT_LE(content.rest.size() - fields, (3 * 300'000 + 40) * 4 / 3 + 2000u);  // with tags
   std::size_t bytes = 0;
   for (const Json& keyframe : data["keyframes"]) {
     const std::string picture = keyframe["picture"];

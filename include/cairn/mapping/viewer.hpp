@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Map viewers in a browser: during mapping, for finished maps, and as a self-contained page.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -88,13 +89,16 @@ class MapViewer {
   std::unique_ptr<State> state_;
 };
 
-/// Maximum size in bytes of a mesh.glb embedded into the report page; for a larger one, preview.glb beside it is
-/// embedded instead.
-inline constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{7} << 20;
+/// Maximum size of report.html, bytes.
+inline constexpr std::size_t kMaxReportPage = 12'000'000;
 
-/// Writes report.html in a folder with report.json, trajectory.txt and mesh.glb: a self-contained page. For a mesh that
-/// is too large it embeds preview.glb, or states its omission if there is none. Atomic. Throws std::runtime_error if
-/// the folder has no map.
+/// Size in bytes of a mesh.glb that always fits into report.html; for a larger one, preview.glb beside it is embedded
+/// if mesh.glb does not fit.
+inline constexpr std::uintmax_t kMaxInlineMesh = std::uintmax_t{4} << 20;
+
+/// Writes report.html, of at most kMaxReportPage, in a folder with report.json, trajectory.txt and mesh.glb: a
+/// self-contained page. It embeds mesh.glb or else preview.glb, with smaller textures or fewer triangles if necessary.
+/// Atomic. Throws std::runtime_error if the folder has no map.
 void write_report_page(const std::filesystem::path& folder);
 
 }  // namespace cairn

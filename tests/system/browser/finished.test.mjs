@@ -3,6 +3,7 @@
 // Finished map in Chromium: report.html from the disk, and cairn view.
 import assert from 'node:assert/strict';
 import { readFileSync, statSync } from 'node:fs';
+import { createServer } from 'node:http';
 import { join } from 'node:path';
 import test from 'node:test';
 import { pathToFileURL } from 'node:url';
@@ -94,12 +95,22 @@ test('lost frames, warnings and verdicts are shown, and never green', () => inFo
     assert.equal(await status(), 'weak');
 
     // A missing or unreadable mesh does not affect the rest of the page.
-    await changed(page, file, (data) => { data.mesh_base64 = btoa('not a mesh'); return data; });
+    await changed(page, file, (data) => { data.mesh = '#missing'; return data; });
     assert.match(await page.locator('#panel').innerText(), /The mesh is not shown here/);
-    await changed(page, file, (data) => { delete data.mesh_base64; data.mesh_left_out = 'map/mesh.glb'; return data; });
+    await changed(page, file, (data) => { delete data.mesh; data.mesh_left_out = 'map/mesh.glb'; return data; });
     assert.match(await page.locator('#panel').innerText(), /too large for this page: cairn view shows map\/mesh\.glb/);
   });
 }));
+
+/** Server of a page in parts: the first immediately, each other after a call of `next()`. */
+async function slowly([first, ...others]) {
+  let answer;
+  const server = createServer((request, response) => { answer = response.writeHead(200, { 'Content-Type': 'text/html' }); answer.write(first); });
+  await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
+  server.unref();
+  const next = () => (others.length > 1 ? answer.write(others.shift()) : answer.end(others.shift()));
+  return { url: `http://127.0.0.1:${server.address().port}/`, next, close: () => server.close() };
+}
 
 test('a coarser mesh is shown before the full mesh is fetched and its texture decoded', () => inFolder(async (folder) => {
   const out = join(folder, 'map');
@@ -131,6 +142,27 @@ test('a coarser mesh is shown before the full mesh is fetched and its texture de
     const { picture, texture, complete } = await timeline(page);
     assert.ok(picture < texture && texture < complete, `picture ${picture}, texture ${texture}, complete ${complete} s`);
     await page.close();
+
+    // report.html shows the coarse mesh before the rest of the file arrives.
+    const html = readFileSync(join(out, 'report.html')), rest = html.indexOf('data-of="mesh"'), middle = html.indexOf('data-of="mesh"', rest + 500_000);
+    const slow = await slowly([html.subarray(0, rest), html.subarray(rest, middle), html.subarray(middle)]);
+    const report = await open('about:blank'), note = report.locator('#loading');
+    await report.goto(slow.url, { waitUntil: 'commit' });
+    await until(async () => 'picture' in (await timeline(report)));
+    assert.equal(await triangles(report), coarse);
+    assert.match(await note.textContent(), /^Loading 0\.0 of [\d.]+ MB$/);
+    await report.screenshot({ path: join(pictures, 'report-coarse.png') });
+    slow.next();
+    await until(async () => /^Loading (?!0\.0)[\d.]+ of [\d.]+ MB$/.test(await note.textContent()));
+    assert.equal(await triangles(report), coarse);
+    slow.next();
+    await until(async () => 'complete' in (await timeline(report)));
+    // Compression rounds positions: a few triangles lose their area.
+    assert.ok(Math.abs((await triangles(report)) / mesh.triangles - 1) < 5e-3);
+    assert.ok(await report.evaluate(() => [...window.cairn.meshes()].every(({ material }) => material.map?.image)), 'it has no texture');
+    assert.equal(await note.count(), 0);
+    await report.close();
+    slow.close();
   }).finally(async () => { program.kill('SIGINT'); await program.ended; });
 }));
 

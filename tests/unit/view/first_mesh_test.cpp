@@ -81,9 +81,10 @@ TEST(FirstMesh, IsCoarserWithTheSameShapeAndColors) {
 TEST(FirstMesh, IsTheCompleteMeshIfSmall) {
   const TemporaryFolder folder;
   const Mesh complete = sphere(20);
+  const std::size_t without_area = 2 * 2 * 20;  // triangles at the poles
   write_mesh(folder / "mesh.glb", complete);
   EXPECT_EQ(first_of(folder / "mesh.glb", kFirstTriangles).triangles.size(),
-            read_mesh(folder / "mesh.glb").triangles.size());
+            read_mesh(folder / "mesh.glb").triangles.size() - without_area);
 }
 
 TEST(FirstMesh, RejectsFilesThatAreNotMeshes) {
