@@ -143,7 +143,13 @@ export async function showFinished(scene, data, fold) {
     }
   }
   if (data.tileset) await showTiles(scene, data, panel);
-  if (!isSeen) await seen();
+  if (!isSeen) {
+    await seen();
+    if (!data.tileset) {
+      document.getElementById('scene').append(element('div', { id: 'empty' }, 'No surface'));
+      fold.show(true);  // with the reasons
+    }
+  }
   addTools(scene, data, fieldsOf(data), fold);
   await scene.shown();
   performance.mark('complete');

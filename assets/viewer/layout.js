@@ -25,7 +25,7 @@ function store(value) {
   } catch { /* not stored */ }
 }
 
-/** `fold(open)` opens or folds the panel; toggles it without an argument. */
+/** `fold(open)` opens or folds the panel; toggles it without an argument. `show(open)` does so for this page alone. */
 export function foldingPanel() {
   const button = document.getElementById('fold'), panel = document.getElementById('panel');
   button.append(icon('panel'));
@@ -43,7 +43,7 @@ export function foldingPanel() {
   const card = document.getElementById('card');
   new MutationObserver(() => { if (kPhone.matches && !card.hidden) show(false); }).observe(card, { attributeFilter: ['hidden'] });
   show(stored() ? stored() === 'open' : innerWidth >= kMinOpenWidth);
-  return fold;
+  return Object.assign(fold, { show });
 }
 
 /** Shows `data-tip` of the hovered or focused element. */

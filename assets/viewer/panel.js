@@ -22,11 +22,14 @@ export function levelOf({ frames, verdict, warnings = [] }) {
   return level === 'good' && (frames.lost > 0 || warnings.length > 0) ? 'weak' : level;
 }
 
+/** Text with each option, --name, unbroken. */
+const withOptions = (text) => text.split(/(--[a-z][a-z-]*)/).map((part, i) => (i % 2 ? element('code', {}, part) : part));
+
 /** The verdict's reasons include the warnings, with remedies; remaining warnings are appended. */
 function verdictLines({ verdict, warnings = [] }) {
   const reasons = verdict?.reasons ?? [], lines = [...reasons, ...warnings.filter((warning) => !reasons.some((reason) => reason.includes(warning)))];
-  const words = verdict?.words ? [element('p', { className: `verdict ${kLevels[verdict.level] ?? 'weak'}` }, verdict.words)] : [];
-  return [...words, ...lines.map((line) => element('div', { className: 'warning' }, line))];
+  const words = verdict?.words ? [element('p', { className: `verdict ${kLevels[verdict.level] ?? 'weak'}` }, ...withOptions(verdict.words))] : [];
+  return [...words, ...lines.map((line) => element('div', { className: 'warning' }, ...withOptions(line)))];
 }
 
 /** Evidence of the verdict, weak items first. */
@@ -73,7 +76,7 @@ function loopsOf({ loops }, begin) {
 export function fillPanel(panel, { name, report, verdict, files, mesh_left_out: leftOut, trajectory }) {
   if (!report) return panel.append(element('h1', {}, name), ...verdictLines({ verdict }), ...downloads(files));  // a single file, or a plan
   panel.append(element('h1', {}, name), ...verdictLines(report));
-  if (leftOut) panel.append(element('div', { className: 'warning' }, `The mesh is too large for this page: cairn view shows ${leftOut}`));
+  if (leftOut) panel.append(element('div', { className: 'warning' }, `This page has no mesh; cairn view shows ${leftOut}`));
   panel.append(...downloads(files), element('h2', {}, 'Facts'), factsOf(report), ...evidenceOf(report), ...charts(report.per_frame ?? []),
                ...loopsOf(report, trajectory[0]?.[0] ?? 0), element('h2', {}, 'Parameters'), facts(Object.entries(report.options ?? {}).map(option)));
 }

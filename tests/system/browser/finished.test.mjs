@@ -97,8 +97,10 @@ test('lost frames, warnings and verdicts are shown, and never green', () => inFo
     // A missing or unreadable mesh does not affect the rest of the page.
     await changed(page, file, (data) => { data.mesh = '#missing'; return data; });
     assert.match(await page.locator('#panel').innerText(), /The mesh is not shown here/);
+    await page.setViewportSize({ width: 390, height: 844 });  // with a folded panel
     await changed(page, file, (data) => { delete data.mesh; data.mesh_left_out = 'map/mesh.glb'; return data; });
-    assert.match(await page.locator('#panel').innerText(), /too large for this page: cairn view shows map\/mesh\.glb/);
+    assert.match(await page.locator('#panel').innerText(), /This page has no mesh; cairn view shows map\/mesh\.glb/);
+    assert.equal(await page.locator('#empty').textContent(), 'No surface');
   });
 }));
 
