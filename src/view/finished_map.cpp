@@ -210,10 +210,7 @@ std::map<std::string, Served> FinishedMap::served() const {
   }
   if (s->is_large()) {
     data["first"] = kFirstMesh;
-    files[kFirstMesh] = {
-        .content_type = content_type_of(kFirstMesh),
-        .body = beforehand([s]() -> Content { return std::make_shared<const Text>(first_mesh(s->smaller_mesh())); }),
-        .is_packable = true};
+    files[kFirstMesh] = served_first_mesh(s->smaller_mesh());
   }
   if (s->has_fields()) {
     data["fields"] = "fields.bin";

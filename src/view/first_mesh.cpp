@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <sstream>
 #include <unordered_map>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "mesh/colored_parts.hpp"
 #include "mesh/gltf.hpp"
 #include "mesh/topology.hpp"
+#include "view/downloads.hpp"
 
 namespace cairn {
 namespace {
@@ -86,6 +88,12 @@ std::string first_mesh(const std::filesystem::path& file, std::size_t triangles)
   std::ostringstream out;
   writer.put(out);
   return std::move(out).str();
+}
+
+Served served_first_mesh(const std::filesystem::path& file) {
+  return {.content_type = content_type_of(file),
+          .body = beforehand([file]() -> Content { return std::make_shared<const Text>(first_mesh(file)); }),
+          .is_packable = true};
 }
 
 }  // namespace cairn

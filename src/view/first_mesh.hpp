@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <string>
 
+#include "net/served.hpp"
+
 namespace cairn {
 
 /// Approximate number of triangles of the first mesh, with colors; renders immediately even without a GPU.
@@ -15,5 +17,8 @@ inline constexpr std::size_t kFirstTriangles = 80'000;
 /// Multi-resolution 3D approximations for rendering complex scenes, 1993). The cell size follows from `triangles`.
 /// Throws std::runtime_error for a file that is not a mesh.
 [[nodiscard]] std::string first_mesh(const std::filesystem::path& file, std::size_t triangles = kFirstTriangles);
+
+/// The same for a server, computed in advance.
+[[nodiscard]] Served served_first_mesh(const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -22,6 +22,7 @@
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
 #include "view/finished_map.hpp"
+#include "view/first_mesh.hpp"
 
 namespace cairn {
 namespace {
@@ -42,7 +43,8 @@ Served glb(const std::vector<Mesh>& parts) {
   return {.content_type = content_type_of("mesh.glb"), .body = glb_of(parts)};
 }
 
-constexpr std::size_t kMaxGltfBytes = std::size_t{1} << 30;  // bytes of a .gltf without its buffers
+constexpr std::uintmax_t kMaxShownAtOnce = 6 << 20, kMaxCoarsened = 256 << 20;  // bytes of a .glb
+constexpr std::size_t kMaxGltfBytes = std::size_t{1} << 30;                     // bytes of a .gltf without its buffers
 
 /// A list of a glTF, with the allowed extensions of referenced files.
 struct Resources {
@@ -103,7 +105,13 @@ Files served_file(const fs::path& given) {
             {"trajectory", Json::array()},
             {"mesh", extension == ".gltf" ? "mesh.gltf" : "mesh.glb"}};
   if (extension == ".glb") {
+    const std::uintmax_t bytes = fs::file_size(file);
     files["mesh.glb"] = {.content_type = content_type_of("mesh.glb"), .body = file};
+    data["mesh_bytes"] = bytes;
+    if (bytes > kMaxShownAtOnce && bytes <= kMaxCoarsened) {
+      data["first"] = kFirstMesh;
+      files[kFirstMesh] = served_first_mesh(file);
+    }
   } else if (extension == ".gltf") {
     add_gltf(file, files);
   } else if (extension == ".vdb") {

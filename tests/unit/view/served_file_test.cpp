@@ -3,10 +3,14 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <variant>
 
+#include "cairn/mapping/mesh.hpp"
 #include "net/file_below.hpp"
 #include "support/files.hpp"
+#include "support/meshes.hpp"
 #include "view/finished_map.hpp"
 
 namespace cairn {
@@ -73,6 +77,20 @@ TEST_F(ServedFile, MayBeALinkThatTheUserNames) {
   const auto files = served_file(folder / "other.gltf");
   EXPECT_EQ(nlohmann::json::parse(std::get<std::string>(files.at("data.json").body)).at("name"), "other.gltf");
   EXPECT_EQ(std::get<fs::path>(files.at("m.bin").body), fs::canonical(home) / "m.bin");
+}
+
+TEST_F(ServedFile, HasACoarseMeshFirstIfLarge) {
+  const auto data_of = [](const std::map<std::string, Served>& files) {
+    return nlohmann::json::parse(std::get<std::string>(files.at("data.json").body));
+  };
+  write_mesh(home / "m.glb", noisy_grid(20, 8));
+  EXPECT_FALSE(data_of(served_file(home / "m.glb")).contains("first"));
+  write_mesh(home / "m.glb", noisy_grid(400, 8));
+  const auto files = served_file(home / "m.glb");
+  EXPECT_EQ(data_of(files)["mesh_bytes"], fs::file_size(home / "m.glb"));
+  const Content first = std::get<Make>(files.at(data_of(files)["first"]).body).make();
+  write_text(home / "first.glb", std::get<std::shared_ptr<const Text>>(first)->bytes());
+  EXPECT_LT(read_mesh(home / "first.glb").triangles.size(), 400u * 400u);
 }
 
 TEST_F(ServedFile, ServesNoLinksInAMapFolder) {
