@@ -58,16 +58,19 @@ std::string page_mesh(const std::filesystem::path& file, std::size_t max_bytes) 
   std::vector<Mesh> parts = read_mesh_parts(file);
   const bool has_texture =
       std::any_of(parts.begin(), parts.end(), [](const Mesh& part) { return !part.texture.texels.empty(); });
-  double scale = 1;
-  do {
-    std::string glb = encoded(parts, scale);
-    if (glb.size() <= max_bytes) return glb;
-    // The bytes of a texture are proportional to its area; those of the triangles remain.
-    scale *= std::clamp(0.9 * std::sqrt(static_cast<double>(max_bytes) / static_cast<double>(glb.size())), 0.5, 0.9);
-  } while (has_texture && scale >= kMinScale);
+  std::string glb = encoded(parts, 1);
+  if (glb.size() <= max_bytes) return glb;
+  if (has_texture && encoded(parts, kMinScale).size() <= max_bytes)
+    for (double scale = 1;;) {
+      // The bytes of a texture are proportional to its area; those of the triangles remain.
+      const double ratio = static_cast<double>(max_bytes) / static_cast<double>(glb.size());
+      scale = std::max(kMinScale, scale * std::clamp(0.9 * std::sqrt(ratio), 0.5, 0.9));
+      glb = encoded(parts, scale);
+      if (glb.size() <= max_bytes) return glb;
+    }
   parts.clear();
   for (std::size_t triangles = max_bytes / kBytesPerTriangle; triangles >= kMinTriangles; triangles /= 2)
-    if (std::string glb = first_mesh(file, triangles); glb.size() <= max_bytes) return glb;
+    if (glb = first_mesh(file, triangles); glb.size() <= max_bytes) return glb;
   return {};
 }
 
