@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace cairn {
+
+/// Gaussian splats: 3D Gaussians with opacity and view-dependent color (Kerbl, Kopanas, Leimkühler & Drettakis 2023,
+/// "3D Gaussian Splatting for Real-Time Radiance Field Rendering"). All vectors have the size of `positions`, except
+/// `harmonics`.
+struct Splats {
+  std::vector<Eigen::Vector3f> positions;   ///< meters, world frame
+  std::vector<Eigen::Vector3f> log_scales;  ///< natural logarithm of the standard deviations along the axes, meters
+  std::vector<Eigen::Vector4f> rotations;   ///< world_from_splat as quaternion w, x, y, z; not normalized
+  std::vector<float> opacities;             ///< logit of the opacity
+  std::vector<Eigen::Vector3f> colors;      ///< harmonic of degree 0: R, G, B in 0..1 are 0.5 + 0.28209479 * color
+  int degree = 0;                           ///< of the spherical harmonics, 0 to 3
+  std::vector<Eigen::Vector3f> harmonics;   ///< harmonics_per_splat(degree) per splat, R, G, B, in the paper's order
+
+  [[nodiscard]] std::size_t size() const { return positions.size(); }
+};
+
+/// Number of harmonics of degree 1 and above.
+[[nodiscard]] constexpr std::size_t harmonics_per_splat(int degree) {
+  return static_cast<std::size_t>((degree + 1) * (degree + 1) - 1);
+}
+
+}  // namespace cairn
