@@ -103,14 +103,18 @@ Eigen::Vector3d color_at(const std::vector<std::uint32_t>& image, const Camera& 
 
 }  // namespace
 
+ViewComparison::ViewComparison(Render render, const Rig& rig) : render_(std::move(render)), rig_(rig), in_color_(rig) {}
+
 ViewComparison::ViewComparison(const std::vector<Mesh>& parts, const Rig& rig)
-    : parts_(parts), rig_(rig), in_color_(rig) {}
+    : ViewComparison([&parts](const Camera& camera, const Eigen::Isometry3d& pose,
+                              int samples) { return render_mesh(parts, camera, pose, samples); },
+                     rig) {}
 
 std::vector<ViewComparison::Pixel> ViewComparison::compare_depth(const Frame& frame,
                                                                  const Eigen::Isometry3d& world_from_camera,
                                                                  const Vector6d& velocity) const {
   const Camera& camera = rig_.depth;
-  const std::vector<float> rendered = render_mesh(parts_, camera, world_from_camera, 1).depth;
+  const std::vector<float> rendered = render_(camera, world_from_camera, 1).depth;
   const Rows rows(camera, velocity);
   std::vector<Pixel> pixels;
   for (const Frame undistorted = without_lens({.depth = frame.depth, .color = {}}, camera);
@@ -124,8 +128,8 @@ void ViewComparison::compare_color(Frame frame, const Eigen::Isometry3d& world_f
                                    double delay) {
   const Camera& camera = rig_.color_view();
   const Eigen::Isometry3d depth_from_color = rig_.depth_from_color();
-  const RenderedView view =
-      render_mesh(parts_, camera, world_from_camera * retract(velocity * delay) * depth_from_color);
+  constexpr int kSamples = 2;
+  const RenderedView view = render_(camera, world_from_camera * retract(velocity * delay) * depth_from_color, kSamples);
   const Vector6d of_color = adjoint(depth_from_color.inverse()) * velocity;
   const Rows rows(camera, of_color);
   frame = without_lens(in_color_(std::move(frame)), camera);
@@ -153,10 +157,9 @@ double ViewComparison::covered() const {
   return measured_ == 0 ? 0 : static_cast<double>(compared_) / static_cast<double>(measured_);
 }
 
-ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
-                         const Eigen::Isometry3d& world_from_recording, int step) {
+ViewError compare_views(ViewComparison& views, Source& recording, const Eigen::Isometry3d& world_from_recording,
+                        int step) {
   ViewError error;
-  ViewComparison views(parts, recording.rig());
   for (int i = 0; auto frame = recording.next(); ++i) {
     if (i % step != 0 || !frame->world_from_camera || frame->color.empty() || frame->problem) continue;
     const Eigen::Isometry3d pose = world_from_recording * *frame->world_from_camera;
@@ -171,6 +174,12 @@ ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
   error.psnr_with_gain = views.psnr_with_gain();
   error.covered = views.covered();
   return error;
+}
+
+ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,
+                         const Eigen::Isometry3d& world_from_recording, int step) {
+  ViewComparison views(parts, recording.rig());
+  return compare_views(views, recording, world_from_recording, step);
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "cairn/eval/evaluation.hpp"
@@ -10,10 +11,14 @@
 
 namespace cairn {
 
-/// Compares frames of a recording with renderings of a mesh, without distortion and rolling shutter.
+/// Compares frames of a recording with renderings of a map, without distortion and rolling shutter.
 class ViewComparison {
  public:
-  /// `parts` must outlive this object.
+  /// `samples`: see render_mesh.
+  using Render =
+      std::function<RenderedView(const Camera& camera, const Eigen::Isometry3d& world_from_camera, int samples)>;
+  ViewComparison(Render render, const Rig& rig);
+  /// Renders a mesh. `parts` must outlive this object.
   ViewComparison(const std::vector<Mesh>& parts, const Rig& rig);
   struct Pixel {
     float seen, drawn;  // meters along z at the frame's time; drawn 0: no mesh
@@ -36,11 +41,15 @@ class ViewComparison {
  private:
   [[nodiscard]] double psnr(double squared) const;
 
-  const std::vector<Mesh>& parts_;
+  Render render_;
   Rig rig_;
   ColorView in_color_;
   double squared_ = 0, squared_with_gain_ = 0;
   std::size_t compared_ = 0, measured_ = 0;
 };
+
+/// Compares every `step`-th frame with a color image and a pose, see evaluate_views.
+[[nodiscard]] ViewError compare_views(ViewComparison& views, Source& recording,
+                                      const Eigen::Isometry3d& world_from_recording, int step);
 
 }  // namespace cairn

@@ -192,6 +192,9 @@ class MapperContents final : public MapContents {
 
   void write_grids(const fs::path& file, Axes axes) override;
 
+  ViewsInput views() override;
+  gpu::Device& device() override { return state_->device; }
+
   void write_graph(const fs::path& file) const override {
     if (extension_of(file) == ".svg")
       write_graph_picture(file, state_->back_end.atlas());
@@ -273,6 +276,16 @@ ExportReport MapperContents::export_mesh(const fs::path& file, const ExportOptio
   return export_surface(input, file, options, progress);
 }
 
+ViewsInput MapperContents::views() {
+  const MapState& s = *state_;
+  const KeyframeStore& images = s.images();
+  images.wait();
+  return {.rig = s.rig,
+          .keyframes = texture_keyframes(s),
+          .get_image = [&images](std::size_t image) { return images.get(image); },
+          .world_from_map = Eigen::Isometry3d(s.upright().world_from_tracked)};
+}
+
 ExportViewsReport MapperContents::export_views(const fs::path& folder, const ViewsOptions& options,
                                                const ExportProgress& progress) {
   ExportViewsReport exported;
@@ -281,15 +294,9 @@ ExportViewsReport MapperContents::export_views(const fs::path& folder, const Vie
     exported.points = export_mesh(staging / kViewPoints, {.point_spacing = options.point_spacing},
                                   sub_progress(progress, 0, kPointsPercent))
                           .points;
-    const MapState& s = *state_;
-    const KeyframeStore& images = s.images();
-    const auto keyframes = texture_keyframes(s);
-    exported.keyframes = static_cast<int>(keyframes.size());
-    exported.images = write_views({.rig = s.rig,
-                                   .keyframes = keyframes,
-                                   .get_image = [&](std::size_t image) { return images.get(image); },
-                                   .world_from_map = Eigen::Isometry3d(s.upright().world_from_tracked)},
-                                  staging, options, sub_progress(progress, kPointsPercent, 100));
+    const ViewsInput input = views();
+    exported.keyframes = static_cast<int>(input.keyframes.size());
+    exported.images = write_views(input, staging, options, sub_progress(progress, kPointsPercent, 100));
   });
   return exported;
 }
@@ -381,6 +388,16 @@ class GridContents final : public MapContents {
     cairn::write_grids(file, tree(), info, nullptr);
   }
 
+  ViewsInput views() override {
+    throw std::runtime_error(file_.string() +
+                             ": has no keyframes, so there are no images: give the output folder of the run");
+  }
+
+  gpu::Device& device() override {
+    if (!device_) device_.emplace(device_index_);
+    return *device_;
+  }
+
   void write_graph(const fs::path& file) const override {
     throw std::runtime_error(file.string() + ": cannot be written: " + file_.string() + " has no pose graph");
   }
@@ -398,10 +415,6 @@ class GridContents final : public MapContents {
   Statistics statistics() const override { return {}; }
 
  private:
-  gpu::Device& device() {
-    if (!device_) device_.emplace(device_index_);
-    return *device_;
-  }
   Volume& volume() {
     if (!volume_) {
       volume_.emplace(device(), fuse_, SurfaceOptions{}.max_depth);

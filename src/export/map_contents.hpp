@@ -11,6 +11,7 @@
 
 #include "cairn/mapping/map.hpp"
 #include "export/map_chunks.hpp"
+#include "export/views.hpp"
 #include "volume/vdb/map_vdb.hpp"
 
 namespace cairn {
@@ -39,6 +40,10 @@ class MapContents {
   virtual ExportedPlan export_plan(const std::filesystem::path& file, const PlanOptions& options,
                                    const ExportProgress& progress) = 0;
   virtual void write_grids(const std::filesystem::path& file, Axes axes) = 0;
+  /// Keyframes with color. Throws std::runtime_error for a map without keyframes.
+  [[nodiscard]] virtual ViewsInput views() = 0;
+  /// Device of the map.
+  [[nodiscard]] virtual gpu::Device& device() = 0;
   virtual void write_graph(const std::filesystem::path& file) const = 0;
   /// Calls `visit` with all voxels, valid during the call.
   virtual void look(const std::function<void(const MapChunks&)>& visit) = 0;
