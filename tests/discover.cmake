@@ -35,13 +35,13 @@ set(single
 # Suites with a long total time: their shared setup takes longer than the tests.
 set(long_suites Numbers 50 Signals 35 GivenPoses 15 Inputs 30 Disk/FaultsOfARun 35 Faults 45 Outputs 50 Ending 30 Bundle 40
                 VerdictOfARoom 10 Kills 30 KeyframeDatabase 20 Mapper 20 ImageSizes 20 FaultyDevice 15 ImageSizesAtTheirLimits 10
-                SessionFiles 10 Each/WrittenLayout 45 Views 40 ViewedMap 30 Layouts 8 VirtualSensors 20 Ros2Topics 35 Convert 8 ZipRecording 8 CommandLine 40
+                SessionFiles 10 Each/WrittenLayout 45 Views 40 ViewedMap 30 Layouts 8 VirtualSensors 20 Ros2Topics 35 Convert 8 ZipRecording 8 CommandLine 40 Splat 60 SplatTrainer 10 SplatRasterizer 10
                 MapOfParts 40 PosesOfARecording 20 PosesOfARoom 15 FloorPlan 20 BackEnd 20 Esdf 15 UprightMap 15 JudgedMap 15 Rig 15
                 WrittenSigma 15 All/EveryScene 12 ChangedRoom 10 IncrementalMesher 10 Refine 10 LoggedRun 9 Change 8 HeldOutFrames 8
                 ReturnToStart 8 LiveSource 8 Quality 60 Calibration 60 RosSource 12 DisturbedRun 7 Finish 7 FreeSpace 7 Tracker 7 GraphScheduler 7 PlannedBuilding 6
                 TiltedRoom 6 NetworkRun 20 Each/NetworkCamera 18)
 set(data "^Real/Recording\\.|^VerdictOfARecording|PoseGraphBenchmark|AllAlongARecording|^EvaluateTrajectory\\.Agrees|^OpenNi\\.Re(ads|fuses)A|^IclNuim\\.Undoes")
-set(program "^(Program|Session|Export|Live|Record|Sensors|Ros2|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|CommandLine|MapOfParts|PlannedBuilding|Ending|Convert|Layouts|Views|ViewedMap|ZipRecording|NetworkRun)$")
+set(program "^(Program|Session|Export|Live|Record|Sensors|Ros2|Real/Recording)\\.|^(Faults|Disk/FaultsOfARun|GivenPoses|Inputs|Kills|Numbers|Signals|Outputs|CommandLine|MapOfParts|PlannedBuilding|Ending|Convert|Layouts|Views|Splat|ViewedMap|ZipRecording|NetworkRun)$")
 # Tests that measure time or depend on concurrent threads: run alone.
 set(alone "^Live\\.MapsASensor|^Record\\.|^Sensors\\.|^Ros2|^VirtualSensors|^LiveSource")
 # Suites of kernels with sums in subgroups.

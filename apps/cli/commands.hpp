@@ -14,6 +14,7 @@ void add_record(CLI::App& program);
 void add_evaluate(CLI::App& program);
 void add_synth(CLI::App& program);
 void add_esdf(CLI::App& program);
+void add_splat(CLI::App& program);
 void add_change(CLI::App& program);
 void add_graph(CLI::App& program);
 void add_merge(CLI::App& program);

@@ -18,6 +18,7 @@
 #include "cairn/eval/evaluation.hpp"
 #include "cairn/io/source.hpp"
 #include "cairn/mapping/map.hpp"
+#include "cairn/mapping/splat_training.hpp"
 #include "cairn/synthetic/scene.hpp"
 #include "cli/commands.hpp"
 #include "cli/json_text.hpp"
@@ -224,12 +225,13 @@ void evaluate_topology_file(const Arguments& a) {
 }
 
 void evaluate_view_images(const Arguments& a) {
-  const std::vector<Mesh> parts = read_mesh_parts(a.estimate);
   Eigen::Isometry3d world_from_recording = Eigen::Isometry3d::Identity();
   if (!a.trajectory.empty())
     world_from_recording = estimate_from_truth(read_trajectory(a.trajectory), recorded_truth(a.truth_trajectory));
   const auto recording = with_poses(open_source(a.truth), recorded_truth(a.poses.empty() ? a.truth : a.poses));
-  const ViewError e = evaluate_views(parts, *recording, world_from_recording, a.step);
+  const ViewError e = has_splats(a.estimate)
+                          ? evaluate_views(read_splats(a.estimate), *recording, world_from_recording, a.step)
+                          : evaluate_views(read_mesh_parts(a.estimate), *recording, world_from_recording, a.step);
   if (a.json)
     fmt::print("{}\n", format_json({{"psnr_db", e.psnr},
                                     {"psnr_with_gain_db", e.psnr_with_gain},
@@ -494,8 +496,11 @@ void add_topology(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
 }
 
 void add_views(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
-  auto* command = evaluate.add_subcommand("views", "PSNR of rendered views of a mesh against a recording's images");
-  command->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply)")->required()->check(CLI::ExistingFile);
+  auto* command =
+      evaluate.add_subcommand("views", "PSNR of rendered views of a mesh or of splats against a recording's images");
+  command->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply) or splats (.ply)")
+      ->required()
+      ->check(CLI::ExistingFile);
   command->add_option("RECORDING", a->truth, "Folder of a recording with true poses")
       ->required()
       ->check(CLI::ExistingDirectory);

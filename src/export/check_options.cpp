@@ -23,6 +23,12 @@ struct Named {
 };
 constexpr double kMinHeight = -12000, kMaxHeight = 1e6;  // meters
 constexpr Named kRanges[] = {
+    {"SplatOptions::iterations", {0, 1e7}},
+    {"SplatOptions::max_seconds", {0, 1e6}},
+    {"SplatOptions::resolution", {0.05, 1}},
+    {"SplatOptions::max_splats", {1000, 1e7}},
+    {"SplatOptions::degree", {0, 3}},
+    {"SplatOptions::hold_out", {0, 1e6}},
     {"ViewsOptions::images", {0, 1e6}},
     {"ViewsOptions::point_spacing", {0.001, 10}},
     {"SimplifyOptions::ratio", {0.0001, 1}},

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 namespace cairn {
@@ -27,5 +28,16 @@ struct Splats {
 [[nodiscard]] constexpr std::size_t harmonics_per_splat(int degree) {
   return static_cast<std::size_t>((degree + 1) * (degree + 1) - 1);
 }
+
+/// Writes splats. The extension selects the format: .ply (that of the paper's program, in the world frame: x right, y
+/// down, z forward). Atomic. Throws std::runtime_error for an unknown extension or an unwritable path.
+void write_splats(const std::filesystem::path& file, const Splats& splats);
+
+/// Reads a file of write_splats or of another program. Throws std::runtime_error with the reason for a file that is
+/// missing, damaged, or without splats.
+[[nodiscard]] Splats read_splats(const std::filesystem::path& file);
+
+/// True if a file is one of splats, by its extension and the properties in its header; false if it cannot be read.
+[[nodiscard]] bool has_splats(const std::filesystem::path& file);
 
 }  // namespace cairn

@@ -29,6 +29,9 @@ const elsewhere = {
   'scripts/benchmark': 'minutes',
   'scripts/building/benchmark OUT': 'half an hour',
   'scripts/building/memory OUT': 'an hour',
+  'cairn splat OUT -o splats.ply': 'minutes; tests/system/splat_test.cpp runs it',
+  'cairn splat OUT -o splats.ply --time 30min --max-splats 200000': 'half an hour',
+  'cairn splat MAP -o X.ply': 'minutes',
   'scripts/options-page': 'it writes into the source; Documentation.pages checks it',
   'scripts/check-layers': 'Architecture.layers runs it',
   'scripts/check-language': 'Documentation.language runs it',
@@ -226,7 +229,7 @@ test('every reason stands for a line that is there', () => {
 
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
-  const subcommands = ['reconstruct', 'export', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'plan', 'match',
+  const subcommands = ['reconstruct', 'export', 'splat', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'plan', 'match',
     'optimize', 'tile', 'tileset', 'change', 'devices',
     'evaluate', 'graph', 'info', 'calibrate', 'convert', 'demo', 'doctor', 'help', 'completion'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <optional>
+
+#include "cairn/eval/evaluation.hpp"
+#include "cairn/mapping/map.hpp"
+#include "cairn/mapping/splats.hpp"
+
+namespace cairn {
+
+struct SplatOptions {
+  int iterations = 7000;    ///< training steps, one image each
+  double max_seconds = 0;   ///< seconds of training; 0: no limit
+  float resolution = 0.5f;  ///< size of the training images, relative to the color images
+  std::size_t max_splats = 300000;
+  int degree = 1;              ///< of the spherical harmonics, 0 to 3: view dependence of the colors
+  int hold_out = 10;           ///< every N-th keyframe is not trained on, but compared in the end; 0: none
+  std::filesystem::path mesh;  ///< mesh compared with the same keyframes; empty: none
+};
+
+/// Throws std::runtime_error naming the option, its value and the allowed range.
+void check(const SplatOptions& options);
+
+struct SplatProgress {
+  int iteration = 0, iterations = 0;  ///< 0 during the preparation
+  double psnr = 0;                    ///< dB, over recent training images at their size
+  std::size_t splats = 0;
+  double seconds = 0;  ///< of training
+};
+/// Called after the preparation of each image and after each step. Returns false to end the training.
+using SplatStep = std::function<bool(const SplatProgress& progress)>;
+
+struct SplatReport {
+  int iterations = 0, images = 0;     ///< steps; training images
+  double psnr = 0;                    ///< dB, over recent training images at their size
+  double seconds = 0;                 ///< of training, without preparation and comparison
+  std::optional<ViewError> held_out;  ///< splats against the held-out keyframes at full size
+  std::optional<ViewError> mesh;      ///< mesh against the same
+};
+
+struct TrainedSplats {
+  Splats splats;
+  SplatReport report;
+};
+
+/// Trains splats from the keyframes of a map, starting at its surface. Results of the same device and number of steps
+/// are identical. Throws std::runtime_error for a map without keyframes, color or surface.
+[[nodiscard]] TrainedSplats train_splats(Map& map, const SplatOptions& options = {}, const SplatStep& on_step = {});
+
+/// Same as evaluate_views for a mesh. `device`: index of list_devices; -1 chooses.
+[[nodiscard]] ViewError evaluate_views(const Splats& splats, Source& recording,
+                                       const Eigen::Isometry3d& world_from_recording, int step = 10, int device = -1);
+
+}  // namespace cairn

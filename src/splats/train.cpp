@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// SPDX-FileCopyrightText: The Cairn developers
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "cairn/mapping/splat_training.hpp"
+#include "eval/view_comparison.hpp"
+#include "export/check_range.hpp"
+#include "export/image_rectifier.hpp"
+#include "export/map_contents.hpp"
+#include "splats/initialize.hpp"
+#include "splats/splat_renderer.hpp"
+#include "splats/trainer.hpp"
+
+namespace cairn {
+namespace {
+
+constexpr double kSurfelShare = 0.6;   // of the maximum count; the rest is for background and refinement
+constexpr double kRecentShare = 0.05;  // weight of the newest image in the reported error
+constexpr float kLowPass = 0.3f;       // pixels^2 at full size, as in viewers
+
+/// Keyframes for training, and those held out.
+struct SplitKeyframes {
+  std::vector<TextureKeyframe> training, held_out;
+};
+
+SplitKeyframes split_keyframes(const std::vector<TextureKeyframe>& keyframes, int hold_out) {
+  SplitKeyframes split;
+  for (std::size_t k = 0; k < keyframes.size(); ++k) {
+    const bool is_held_out = hold_out > 0 && (k + 1) % static_cast<std::size_t>(hold_out) == 0;
+    (is_held_out ? split.held_out : split.training).push_back(keyframes[k]);
+  }
+  return split;
+}
+
+Camera scaled(const Camera& camera, float scale) {
+  Camera c = camera;
+  c.width = std::max(16, static_cast<int>(std::lround(static_cast<double>(scale) * camera.width)));
+  c.height = std::max(16, static_cast<int>(std::lround(static_cast<double>(scale) * camera.height)));
+  const double x = static_cast<double>(c.width) / camera.width, y = static_cast<double>(c.height) / camera.height;
+  c.fx *= x, c.fy *= y;
+  c.cx = (camera.cx + 0.5) * x - 0.5, c.cy = (camera.cy + 0.5) * y - 0.5;
+  return c;
+}
+
+/// Rectified image at the size of `camera`, with the depth of the mesh.
+TrainingView training_view(Frame frame, const Camera& full, const Camera& camera, const std::vector<Mesh>& surface) {
+  TrainingView view{.camera = camera, .world_from_camera = *frame.world_from_camera, .color = {}, .depth = {}};
+  view.color.resize(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
+  const cv::Mat from(full.height, full.width, CV_8UC4, frame.color.data());
+  cv::Mat to(camera.height, camera.width, CV_8UC4, view.color.data());
+  cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+  view.depth = render_mesh(surface, camera, view.world_from_camera, 1).depth;
+  return view;
+}
+
+ViewError compare(ViewComparison& views, const ViewsInput& input, const std::vector<TextureKeyframe>& keyframes) {
+  ViewError error;
+  for (const TextureKeyframe& k : keyframes) {
+    Frame frame = input.get_image(k.image);
+    if (frame.color.empty()) continue;
+    views.compare_color(std::move(frame), input.world_from_map * k.world_from_camera, k.velocity, k.color_delay);
+    ++error.frames;
+  }
+  error.psnr = views.psnr();
+  error.psnr_with_gain = views.psnr_with_gain();
+  error.covered = views.covered();
+  return error;
+}
+
+double psnr_of(double squared) { return squared > 0 ? -10 * std::log10(squared) : 0; }
+
+/// Training of a map's splats, step by step.
+class Training {
+ public:
+  Training(Map& map, const SplatOptions& options, const SplatStep& on_step)
+      : options_(options),
+        on_step_(on_step),
+        device_(MapAccess::contents(map).device()),
+        input_(MapAccess::contents(map).views()),
+        keyframes_(split_keyframes(input_.keyframes, options.hold_out)),
+        surface_{map.mesh()} {}
+
+  [[nodiscard]] TrainedSplats run() {
+    const std::vector<TrainingView> views = load_views();
+    SplatTrainer trainer(device_, initial_splats(views), views,
+                         {.iterations = options_.iterations,
+                          .max_splats = options_.max_splats,
+                          .low_pass = kLowPass * options_.resolution * options_.resolution});
+    TrainedSplats trained;
+    trained.report.images = static_cast<int>(views.size());
+    train(trainer, trained.report);
+    trained.splats = trainer.splats();
+    compare_held_out(trained);
+    return trained;
+  }
+
+ private:
+  [[nodiscard]] std::vector<TrainingView> load_views() {
+    const ImageRectifier rectified(input_.rig);
+    const Camera camera = scaled(rectified.camera(), options_.resolution);
+    std::vector<TrainingView> views;
+    for (const TextureKeyframe& k : keyframes_.training) {
+      Frame frame = input_.get_image(k.image);
+      if (frame.color.empty()) continue;
+      views.push_back(
+          training_view(rectified(std::move(frame), input_.world_from_map, k), rectified.camera(), camera, surface_));
+      if (!keep_going({})) break;
+    }
+    if (views.empty()) throw std::runtime_error("the map has no keyframes with color to train splats from");
+    return views;
+  }
+
+  [[nodiscard]] Splats initial_splats(const std::vector<TrainingView>& views) {
+    const std::size_t max_count = std::min(options_.max_splats, max_splats(device_, options_.degree));
+    Splats splats =
+        surfels_of(surface_.front(), views, static_cast<std::size_t>(kSurfelShare * static_cast<double>(max_count)),
+                   options_.degree);
+    if (splats.size() == 0) throw std::runtime_error("the map has no surface in its keyframes to train splats from");
+    SplatRasterizer rasterizer(device_);
+    for (const TrainingView& view : views) {
+      if (!has_background(view) || splats.size() >= max_count) continue;
+      rasterizer.forward(upload(device_, splats), {.camera = view.camera, .world_from_camera = view.world_from_camera});
+      append_background(splats, view, rasterizer.download_image());
+      if (!keep_going({.splats = splats.size()})) break;
+    }
+    return splats;
+  }
+
+  void train(SplatTrainer& trainer, SplatReport& report) {
+    const auto start = std::chrono::steady_clock::now();
+    double recent = 0;
+    while (report.iterations < options_.iterations) {
+      const double squared = trainer.step().squared;
+      ++report.iterations;
+      const double weight = std::max(kRecentShare, 1.0 / report.iterations);
+      recent += weight * (squared - recent);
+      report.psnr = psnr_of(recent);
+      report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      if (!keep_going({.iteration = report.iterations,
+                       .iterations = options_.iterations,
+                       .psnr = report.psnr,
+                       .splats = trainer.size(),
+                       .seconds = report.seconds}) ||
+          (options_.max_seconds > 0 && report.seconds > options_.max_seconds))
+        break;
+    }
+  }
+
+  void compare_held_out(TrainedSplats& trained) const {
+    if (keyframes_.held_out.empty()) return;
+    SplatRenderer renderer(device_, trained.splats);
+    ViewComparison views(
+        [&](const Camera& camera, const Eigen::Isometry3d& pose, int) { return renderer(camera, pose); }, input_.rig);
+    trained.report.held_out = compare(views, input_, keyframes_.held_out);
+    if (options_.mesh.empty()) return;
+    const std::vector<Mesh> parts = read_mesh_parts(options_.mesh);
+    ViewComparison of_mesh(parts, input_.rig);
+    trained.report.mesh = compare(of_mesh, input_, keyframes_.held_out);
+  }
+
+  [[nodiscard]] bool keep_going(const SplatProgress& progress) const { return !on_step_ || on_step_(progress); }
+
+  const SplatOptions& options_;
+  const SplatStep& on_step_;
+  gpu::Device& device_;
+  ViewsInput input_;
+  SplitKeyframes keyframes_;
+  std::vector<Mesh> surface_;
+};
+
+}  // namespace
+
+void check(const SplatOptions& options) {
+  check_range("SplatOptions::iterations", options.iterations);
+  check_range("SplatOptions::max_seconds", options.max_seconds);
+  check_range("SplatOptions::resolution", options.resolution);
+  check_range("SplatOptions::max_splats", options.max_splats);
+  check_range("SplatOptions::degree", options.degree);
+  check_range("SplatOptions::hold_out", options.hold_out);
+}
+
+TrainedSplats train_splats(Map& map, const SplatOptions& options, const SplatStep& on_step) {
+  check(options);
+  return Training(map, options, on_step).run();
+}
+
+ViewError evaluate_views(const Splats& splats, Source& recording, const Eigen::Isometry3d& world_from_recording,
+                         int step, int device) {
+  gpu::Device on(device);
+  SplatRenderer renderer(on, splats);
+  ViewComparison views([&](const Camera& camera, const Eigen::Isometry3d& pose, int) { return renderer(camera, pose); },
+                       recording.rig());
+  return compare_views(views, recording, world_from_recording, step);
+}
+
+}  // namespace cairn
