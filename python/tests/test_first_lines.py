@@ -3,6 +3,7 @@
 """First lines of help(cairn), run verbatim."""
 from __future__ import annotations
 
+import math
 import re
 import resource
 import subprocess
@@ -70,7 +71,10 @@ def test_import_is_fast_and_without_numpy() -> None:
         subprocess.run([sys.executable, "-c", code], check=True)
         return used() - begin
 
-    alone = min(seconds("pass") for _ in range(3))
-    by_numpy, by_cairn = (min(seconds(f"import {name}") for _ in range(5)) - alone for name in ("numpy", "cairn"))
-    assert by_cairn < 1.5 * by_numpy
+    least: dict[str, float] = {}
+    for _ in range(10):  # in turns, as other programs slow down some of them
+        for code in ("pass", "import numpy", "import cairn"):
+            least[code] = min(seconds(code), least.get(code, math.inf))
+    alone, with_numpy, with_cairn = least.values()
+    assert with_cairn - alone < 1.5 * (with_numpy - alone)
     subprocess.run([sys.executable, "-c", "import cairn, sys; assert 'numpy' not in sys.modules"], check=True)
