@@ -25,6 +25,7 @@
 #include "cli/output_folder.hpp"
 #include "cli/quantity.hpp"
 #include "cli/sources.hpp"
+#include "cli/view_error.hpp"
 #include "options/option_ranges.hpp"
 
 namespace cairn::apps {
@@ -233,11 +234,7 @@ void evaluate_view_images(const Arguments& a) {
                           ? evaluate_views(read_splats(a.estimate), *recording, world_from_recording, a.step)
                           : evaluate_views(read_mesh_parts(a.estimate), *recording, world_from_recording, a.step);
   if (a.json)
-    fmt::print("{}\n", format_json({{"psnr_db", e.psnr},
-                                    {"psnr_with_gain_db", e.psnr_with_gain},
-                                    {"covered", e.covered},
-                                    {"frames", e.frames}},
-                                   2));
+    fmt::print("{}\n", format_json(view_error_json(e), 2));
   else
     fmt::print(
         "PSNR     {:.2f} dB over {} frames, {:.2f} dB after a gain per image\ncovered  {:.1f} % of their pixels\n",

@@ -18,6 +18,7 @@
 #include "cli/output_folder.hpp"
 #include "cli/progress.hpp"
 #include "cli/quantity.hpp"
+#include "cli/view_error.hpp"
 #include "options/option_ranges.hpp"
 
 namespace cairn::apps {
@@ -32,18 +33,14 @@ struct Arguments {
   bool json = false;
 };
 
-nlohmann::json to_json(const ViewError& e) {
-  return {{"psnr_db", e.psnr}, {"psnr_with_gain_db", e.psnr_with_gain}, {"covered", e.covered}, {"frames", e.frames}};
-}
-
 nlohmann::json to_json(const TrainedSplats& trained, const fs::path& file) {
   const SplatReport& report = trained.report;
   nlohmann::json json{{"splats", trained.splats.size()}, {"degree", trained.splats.degree},
                       {"iterations", report.iterations}, {"images", report.images},
                       {"seconds", report.seconds},       {"psnr_db", report.psnr},
                       {"bytes", fs::file_size(file)}};
-  if (report.held_out) json["held_out"] = to_json(*report.held_out);
-  if (report.mesh) json["mesh"] = to_json(*report.mesh);
+  if (report.held_out) json["held_out"] = view_error_json(*report.held_out);
+  if (report.mesh) json["mesh"] = view_error_json(*report.mesh);
   return json;
 }
 

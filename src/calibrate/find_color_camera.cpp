@@ -19,6 +19,8 @@
 #include <utility>
 #include <vector>
 
+#include "geometry/undistortion_map.hpp"
+
 namespace cairn {
 namespace {
 
@@ -238,13 +240,7 @@ class GrayImages {
  public:
   explicit GrayImages(const Camera& camera) : raw_(camera), camera_(camera.rectified()) {
     for (int side = camera.width; side > kReferenceWidth * 1.5; side /= 2) camera_ = camera_.at_level(1);
-    pixel_map_.create(camera_.height, camera_.width, CV_32FC2);
-    for (int y = 0; y < camera_.height; ++y)
-      for (int x = 0; x < camera_.width; ++x) {
-        const Eigen::Vector2d distorted = raw_.distort(camera_.ray(x, y).head<2>());
-        pixel_map_.at<cv::Vec2f>(y, x) = {static_cast<float>(raw_.fx * distorted.x() + raw_.cx),
-                                          static_cast<float>(raw_.fy * distorted.y() + raw_.cy)};
-      }
+    pixel_map_ = undistortion_map(raw_, camera_);
   }
   [[nodiscard]] const Camera& camera() const { return camera_; }
   [[nodiscard]] cv::Mat operator()(const std::vector<std::uint32_t>& color) const {

@@ -5,6 +5,8 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "geometry/undistortion_map.hpp"
+
 namespace cairn {
 namespace {
 
@@ -42,14 +44,7 @@ ImageRectifier::ImageRectifier(const Rig& rig)
     : lens_(rig.color_view()), camera_(without_lens(lens_)), depth_from_color_(rig.depth_from_color()) {
   if (rig.color || lens_.distorted())
     view_.emplace(Rig(rig.depth, ColorCamera{.camera = camera_, .color_from_depth = depth_from_color_.inverse()}));
-  if (!lens_.distorted()) return;
-  map_.create(camera_.height, camera_.width, CV_32FC2);
-  for (int y = 0; y < camera_.height; ++y)
-    for (int x = 0; x < camera_.width; ++x) {
-      const Eigen::Vector2d distorted = lens_.distort(camera_.ray(x, y).head<2>());
-      map_.at<cv::Vec2f>(y, x) = {static_cast<float>(lens_.fx * distorted.x() + lens_.cx),
-                                  static_cast<float>(lens_.fy * distorted.y() + lens_.cy)};
-    }
+  if (lens_.distorted()) map_ = undistortion_map(lens_, camera_);
 }
 
 Frame ImageRectifier::operator()(Frame frame, const Eigen::Isometry3d& world_from_map,
