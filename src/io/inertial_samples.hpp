@@ -14,19 +14,15 @@ inline constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, 
 class InertialSamples {
  public:
   void add_rate(const AngularRate& rate);
-  /// `acceleration`: m/s^2, in the depth camera's frame.
-  void add_acceleration(double timestamp, const Eigen::Vector3d& acceleration);
-  /// Moves the rates up to the frame's time into the frame, without rates up to `since`, and sets its acceleration to
-  /// the mean around its time.
+  void add_acceleration(const Acceleration& acceleration);
+  /// Moves the samples up to the frame's time into the frame, without samples up to `since`, and sets its acceleration
+  /// to the mean around its time.
   void attach_to(Frame& frame, double since = -INFINITY);
 
  private:
-  struct Acceleration {
-    double timestamp;  // seconds
-    Eigen::Vector3d value;
-  };
   std::deque<AngularRate> rates_;
   std::deque<Acceleration> accelerations_;
+  double attached_until_ = -INFINITY;  // seconds, of accelerations
 };
 
 }  // namespace cairn

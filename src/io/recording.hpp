@@ -50,14 +50,15 @@ struct Recording {
   bool has_assumed_rate = false;      // frame_rate is neither recorded nor given
   std::vector<Interpretation> interpretations;
   std::vector<std::string> warnings, notes;  // found in the folder, a line each
-  bool has_color_camera = true;    // false: no color camera defined by the layout, and color is not registered to depth
-  double color_readout = 0;        // seconds, for an undefined color camera
-  double depth_scale = 5000.0;     // depth image units per meter
-  double max_confidence = 255;     // maximum of the confidence images
-  std::vector<AngularRate> gyro;   // in time order
-  int invalid_depth = 0;           // second value for "no measurement", besides 0
-  bool bytes_are_swapped = false;  // in 16-bit depth images
-  BlockPixels blocks;              // of enlarged depth images; rig.depth has the true size
+  bool has_color_camera = true;   // false: no color camera defined by the layout, and color is not registered to depth
+  double color_readout = 0;       // seconds, for an undefined color camera
+  double depth_scale = 5000.0;    // depth image units per meter
+  double max_confidence = 255;    // maximum of the confidence images
+  std::vector<AngularRate> gyro;  // in time order
+  std::vector<Acceleration> accelerations;  // in time order
+  int invalid_depth = 0;                    // second value for "no measurement", besides 0
+  bool bytes_are_swapped = false;           // in 16-bit depth images
+  BlockPixels blocks;                       // of enlarged depth images; rig.depth has the true size
   std::vector<Entry> entries;
   Trajectory truth;               // world_from_camera; empty: none
   bool has_device_poses = false;  // `truth` is the device's own estimate

@@ -27,6 +27,7 @@ struct EncodedFrame {
   std::vector<std::uint8_t> confidence;  ///< PNG, 8 bit; empty: none
   std::optional<Eigen::Vector3d> acceleration;
   std::vector<AngularRate> gyro;
+  std::vector<Acceleration> accelerations;
 };
 
 /// Encodes a frame. Safe to call from any thread. Depth above 65535 units (13.1 m at TUM's scale) becomes "no

@@ -17,6 +17,12 @@ struct AngularRate {
   Eigen::Vector3d rate = Eigen::Vector3d::Zero();  ///< rad/s, in the inertial sensor's own frame (Rig::camera_from_imu)
 };
 
+/// Accelerometer sample: specific force at the inertial sensor, in axes of the depth camera; at rest 9.81 m/s^2 upward.
+struct Acceleration {
+  double timestamp = 0;                             ///< seconds, in the frames' clock
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();  ///< m/s^2
+};
+
 /// One RGB-D frame. Images are row-major, with the sizes given by the source's rig.
 struct Frame {
   int index = 0;                         ///< position in the sequence, counted from 0 over all its depth images
@@ -26,10 +32,11 @@ struct Frame {
   double color_delay = 0.0;              ///< seconds from the depth timestamp to the color timestamp
   std::vector<std::uint32_t> color;      ///< bytes R, G, B, 255 in memory order (sRGB); empty: no color for this frame
   std::optional<Eigen::Isometry3d> world_from_camera;  ///< given pose (--poses, synthetic scenes)
-  /// Accelerometer reading averaged around this time, m/s^2, in the camera's frame: at rest 9.81 upward.
+  /// Mean of the accelerometer around this time, see Acceleration::value.
   std::optional<Eigen::Vector3d> acceleration;
   std::vector<AngularRate> gyro;  ///< samples since the previous frame, up to this frame's time or the end of its
                                   ///< readout
+  std::vector<Acceleration> accelerations;  ///< samples of the same time span as `gyro`
   /// Pose by the device's own tracking or another odometry (a phone, wheels): world_from_camera in its own world frame;
   /// see TrackOptions::device_poses.
   std::optional<Eigen::Isometry3d> guess;

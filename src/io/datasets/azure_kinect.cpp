@@ -289,7 +289,7 @@ class AzureKinectSource final : public Source {
     };
     const Eigen::Vector3d acceleration = vector_at(8), rate = vector_at(28);
     if (depth_from_accelerometer_ && acceleration.allFinite())
-      samples_.add_acceleration(packet.time(), *depth_from_accelerometer_ * acceleration);
+      samples_.add_acceleration({packet.time(), *depth_from_accelerometer_ * acceleration});
     if (rig_.camera_from_imu && rate.allFinite()) samples_.add_rate({packet.time(), rate});
   }
 

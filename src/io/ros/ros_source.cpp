@@ -163,7 +163,7 @@ class RosSource final : public Source {
     }
     if (const auto time = time_in(plan_.accelerometer); time && imu.acceleration) {
       newest_acceleration_ = std::max(newest_acceleration_, *time);
-      samples_.add_acceleration(*time, plan_.depth_from_accelerometer * *imu.acceleration);
+      samples_.add_acceleration({*time, plan_.depth_from_accelerometer * *imu.acceleration});
     }
   }
 

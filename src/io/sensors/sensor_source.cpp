@@ -100,7 +100,7 @@ class SensorSource final : public Source {
     is_new_clock_ = false;
     const double timestamp = images.timestamp + offset_;
     for (AngularRate& rate : images.rates) samples_.add_rate({rate.timestamp + offset_, rate.rate});
-    for (const auto& a : images.accelerations) samples_.add_acceleration(a.timestamp + offset_, a.value);
+    for (const Acceleration& a : images.accelerations) samples_.add_acceleration({a.timestamp + offset_, a.value});
     if (last_timestamp_ && !(timestamp > *last_timestamp_)) return std::nullopt;
     if (last_number_ && images.number > *last_number_ + 1)
       dropped_ += static_cast<int>(images.number - *last_number_ - 1);

@@ -23,10 +23,6 @@ struct SensorImages {
   std::vector<std::uint32_t> color;        // empty: none
   std::vector<std::uint8_t> confidence;    // see Frame
   std::optional<Eigen::Isometry3d> guess;  // see Frame
-  struct Acceleration {
-    double timestamp;
-    Eigen::Vector3d value;  // m/s^2, in the depth camera's frame
-  };
   std::vector<AngularRate> rates;
   std::vector<Acceleration> accelerations;
 };
