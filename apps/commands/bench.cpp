@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <ctime>
 #include <functional>
 #include <map>
 
@@ -41,6 +42,13 @@ double milliseconds(const std::function<void()>& work) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
 }
 
+/// Processor time of the calling thread, milliseconds.
+double thread_milliseconds() {
+  std::timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
+
 /// Milliseconds per rendering of a fixed scene: a reference for the machine's current speed.
 double reference_ms(int device) {
   const Scene scene = synthetic_scene("room");
@@ -60,7 +68,7 @@ nlohmann::json measure(const Arguments& a) {
   SourceOptions source_options = apps::source_options(a.sequence, a.camera, a.topics);
   source_options.range = parse_frames(a.frames);
   const auto source = open_source(a.sequence, source_options);
-  Durations decode, per_frame;
+  Durations decode, per_frame, host;
   std::map<std::string, Durations> stages;
   std::vector<Frame> frames;
   for (std::optional<Frame> frame;;) {
@@ -80,10 +88,12 @@ nlohmann::json measure(const Arguments& a) {
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (i == first) warm = mapper.statistics();
     FrameReport report;
+    const double host_begin = thread_milliseconds();
     const double ms = milliseconds([&] { report = mapper.add(frames[i]); });
     fused += report.state == FrameState::fused;
     if (i < first) continue;
     per_frame.add(ms);
+    host.add(thread_milliseconds() - host_begin);
     for (const auto& [name, stage_ms] : report.stage_ms) stages[name].add(stage_ms);
   }
   const Statistics end = mapper.statistics();
@@ -96,6 +106,7 @@ nlohmann::json measure(const Arguments& a) {
                    {"voxel_size", options.fuse.voxel_size},
                    {"decode", to_json(decode)},
                    {"frame", to_json(per_frame)},
+                   {"host", to_json(host)},
                    {"frames_per_second", 1000 / per_frame.mean()},
                    {"frames_per_second_decoding_first", 1000 / (per_frame.mean() + decode.mean())},
                    {"waits_per_frame", static_cast<double>(end.device_waits - warm.device_waits) / count},
@@ -127,6 +138,7 @@ void print(const nlohmann::json& j) {
   };
   line("frame", number(j["frame"]["mean_ms"]), j["frame"]);
   for (const auto& [name, d] : j["stages"].items()) line("  " + name, number(d["per_frame_ms"]), d);
+  line("host", number(j["host"]["mean_ms"]), j["host"]);
   line("decoding", number(j["decode"]["mean_ms"]), j["decode"]);
   fmt::print("\n{:<24}{:>10}{:>10}\n", "on the device, ms", "per frame", "calls");
   std::vector<std::pair<double, std::string>> kernels;

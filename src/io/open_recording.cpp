@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -223,25 +224,43 @@ class RecordingSource final : public Source {
     const double read_out = entry.timestamp + 0.5 * recording_.rig.depth.readout;
     for (; gyro_ < recording_.gyro.size() && recording_.gyro[gyro_].timestamp <= read_out; ++gyro_)
       frame.gyro.push_back(recording_.gyro[gyro_]);
-    try {
-      frame.depth = read_depth(entry.depth);
-      if (!entry.confidence.empty()) frame.confidence = read_confidence(entry.confidence);
-    } catch (const std::exception& error) {
-      frame.problem = entry.depth.string() + ": " + error.what();
-      return frame;
-    }
-    if (depth_only_) return frame;
-    try {
-      if (!entry.color.empty()) frame.color = read_color(entry.color);
-      if (recording_.color_of) frame.color = recording_.color_of(frame.index);
-      frame.color_delay = entry.color_delay;
-    } catch (const std::exception& error) {  // frames without color are still valid
-      if (++colorless_ == 1) first_colorless_ = fmt::format("{}: {}", entry.color.string(), error.what());
+    std::optional<std::string> color_problem;
+    tbb::parallel_invoke(
+        [&] {
+          frame.problem = problem_of([&] {
+            frame.depth = read_depth(entry.depth);
+            if (!entry.confidence.empty()) frame.confidence = read_confidence(entry.confidence);
+          });
+        },
+        [&] {
+          if (depth_only_) return;
+          color_problem = problem_of([&] {
+            if (!entry.color.empty()) frame.color = read_color(entry.color);
+            if (recording_.color_of) frame.color = recording_.color_of(frame.index);
+            frame.color_delay = entry.color_delay;
+          });
+        });
+    if (frame.problem) {
+      frame.problem = entry.depth.string() + ": " + *frame.problem;
+      frame.color.clear();
+    } else if (color_problem && ++colorless_ == 1) {  // frames without color are still valid
+      first_colorless_ = entry.color.string() + ": " + *color_problem;
     }
     return frame;
   }
 
  private:
+  /// Runs `read` and returns its error, if any.
+  template <class Read>
+  [[nodiscard]] static std::optional<std::string> problem_of(Read&& read) {
+    try {
+      read();
+      return std::nullopt;
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+  }
+
   /// Warns at the end, once.
   void warn_about_missing_color() {
     if (colorless_ > 0)
