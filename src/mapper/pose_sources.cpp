@@ -28,8 +28,8 @@ void TrackedPoses::check(const Frame& frame, CheckedFrame& checked) {
   if (checked.is_usable() && !frame.held_out && repeats_.is_stuck(frame)) checked.reject(FrameCause::stuck);
 }
 
-/// The rolling shutter correction uses a predicted motion. Alignment accounts for a different motion, and the frame is
-/// preprocessed again before fusion if the difference is significant.
+/// The rolling shutter correction uses a predicted motion. Alignment accounts for a different motion. At a significant
+/// difference the fusion image is corrected again, and the whole pyramid of a photometric reference.
 TrackingResult TrackedPoses::track(const Frame& frame, FramePyramid& seen, StageTimes& times) {
   const MotionAt predicted_motion = tracker_.motion(frame);
   seen = preprocess(preprocessor_, frame, predicted_motion, times);
@@ -38,7 +38,10 @@ TrackingResult TrackedPoses::track(const Frame& frame, FramePyramid& seen, Stage
   if (!is_rolling(rig_) || tracked.state != TrackingResult::State::aligned) return tracked;
   const MotionAt measured_motion = tracker_.motion(frame, tracked.submap_from_camera);
   if (shutter_difference(rig_, predicted_motion, measured_motion) < kMaxShutterError) return tracked;
-  seen = preprocess(preprocessor_, frame, measured_motion, times);
+  if (tracker_.is_reference_due(seen, tracked))
+    seen = preprocess(preprocessor_, frame, measured_motion, times);
+  else
+    timed(times, "preprocess", [&] { preprocessor_.correct_fusion(seen, frame, measured_motion); });
   tracker_.mask_moving(seen, tracked, volume_);
   return tracked;
 }

@@ -564,6 +564,12 @@ void Tracker::add_focal_evidence() {
   state_.focal_pairs += !costs.empty();
 }
 
+bool Tracker::is_reference_due(const FramePyramid& live, const TrackingResult& tracked) const {
+  const Alignment* a = tracked.state == TrackingResult::State::aligned ? &tracked.alignment : nullptr;
+  return !live.packed.empty() &&
+         (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), tracked.submap_from_camera, a));
+}
+
 void Tracker::commit(const Frame& frame, const FramePyramid& live, const TrackingResult& tracked) {
   const Eigen::Isometry3d& pose = tracked.submap_from_camera;
   const Alignment* a = tracked.state == TrackingResult::State::aligned ? &tracked.alignment : nullptr;
@@ -572,8 +578,7 @@ void Tracker::commit(const Frame& frame, const FramePyramid& live, const Trackin
     for (std::size_t k = 0; k < kClockOffsets.size(); ++k) state_.clock_offset_costs[k] += a->clock_offset_costs[k];
     ++state_.clock_offset_frames;
   }
-  if (!live.packed.empty() && (!reference_.is_set() || is_new_reference(reference_.submap_from_camera(), pose, a)))
-    reference_.set(live, pose, moment);
+  if (is_reference_due(live, tracked)) reference_.set(live, pose, moment);
   if (a != nullptr && a->fit.iterations > 0) state_.typical.add(*a);
   if (a != nullptr && a->fit.unobserved == 0 && state_.lost_frames == 0)
     gyroscope_.learn(state_.last.back().timestamp, frame.timestamp,

@@ -62,7 +62,9 @@ class Tracker {
   /// Motion of the camera while a frame is taken: predicted, and with the frame's pose.
   [[nodiscard]] MotionAt motion(const Frame& frame) const;
   [[nodiscard]] MotionAt motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
-  /// Removes moving pixels as `track` does, from a surface that was preprocessed again.
+  /// True if commit() will take the frame as photometric reference.
+  [[nodiscard]] bool is_reference_due(const FramePyramid& live, const TrackingResult& tracked) const;
+  /// Removes moving pixels as `track` does, from a corrected fusion image.
   void mask_moving(const FramePyramid& live, const TrackingResult& tracked, const Volume& volume);
   /// Commits a fused frame with its tracked pose.
   void commit(const Frame& frame, const FramePyramid& live, const TrackingResult& tracked);

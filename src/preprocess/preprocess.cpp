@@ -88,11 +88,13 @@ Preprocessor::Preprocessor(gpu::Device& device, const Rig& rig, const SurfaceOpt
   if (rig.color) nearest_ = gpu::Buffer(device, nearest_bytes(color_view(rig.depth.rectified(), *rig.color)));
 }
 
-/// Uploads a frame and removes distortion and rolling shutter.
-Preprocessor::Images Preprocessor::rectify(const Frame& frame, const MotionAt& motion, bool has_color,
-                                           gpu::Batch& batch) {
+void Preprocessor::upload(const Frame& frame, bool has_color, gpu::Batch& batch) {
   batch.upload(raw_depth_, frame.depth);
   if (has_color) batch.upload(raw_color_, frame.color);
+}
+
+/// Removes distortion and rolling shutter from the uploaded frame.
+Preprocessor::Images Preprocessor::rectify(const Frame& frame, const MotionAt& motion, gpu::Batch& batch) {
   if (!rectifier_) return {&raw_depth_, &raw_color_};
   const float distance = rig_.depth.readout > 0 ? median_depth(frame.depth) : 0.0f;
   (*rectifier_)(batch, motion, distance, raw_depth_, raw_color_);
@@ -118,7 +120,8 @@ void Preprocessor::filter(const Images& images, bool smooths, gpu::Batch& batch)
 FramePyramid Preprocessor::preprocess_for_fusion(const Frame& frame, const MotionAt& motion) {
   const bool has_color = !rig_.color && frame.color.size() == pixels(rig_.depth);
   gpu::Batch batch(device_);
-  filter(rectify(frame, motion, has_color, batch), false, batch);
+  upload(frame, has_color, batch);
+  filter(rectify(frame, motion, batch), false, batch);
   batch.submit();
   has_registered_color_ = true;
   return {.levels = {},
@@ -129,33 +132,51 @@ FramePyramid Preprocessor::preprocess_for_fusion(const Frame& frame, const Motio
           .images = {}};
 }
 
+void Preprocessor::prepare_registration(const Images& images, const MotionAt& motion, bool has_color,
+                                        gpu::Batch& batch) {
+  has_registered_color_ = !rig_.color || !has_color;
+  if (rig_.color) color_motion_ = shutter_motion(color_motion(rig_, motion), rig_.color->camera.readout);
+  if (!has_registered_color_) find_nearest(*images.depth, batch);
+}
+
+std::function<const Frame&()> Preprocessor::images_at_once(const Frame& frame, const MotionAt& motion) {
+  return [this, &frame, motion, global = std::make_shared<std::optional<Frame>>()]() -> const Frame& {
+    if (!global_shutter_) return frame;
+    if (!*global) *global = (*global_shutter_)(frame, motion);
+    return **global;
+  };
+}
+
+void Preprocessor::correct_fusion(FramePyramid& seen, const Frame& frame, const MotionAt& motion) {
+  gpu::Batch batch(device_);
+  const Images images = rectify(frame, motion, batch);
+  prepare_registration(images, motion, seen.has_color, batch);
+  filter(images, false, batch);
+  batch.submit();
+  seen.images = images_at_once(frame, motion);
+}
+
 FramePyramid Preprocessor::preprocess(const Frame& frame, const MotionAt& motion) {
   const bool has_color = frame.color.size() == pixels(rig_.color_view());
   gpu::Batch batch(device_);
-  const Images images = rectify(frame, motion, has_color, batch);
-  if (rig_.color) color_motion_ = shutter_motion(color_motion(rig_, motion), rig_.color->camera.readout);
-  if (rig_.color && has_color) find_nearest(*images.depth, batch);
+  upload(frame, has_color, batch);
+  const Images images = rectify(frame, motion, batch);
+  prepare_registration(images, motion, has_color, batch);
   filter(images, true, batch);
-  has_registered_color_ = !rig_.color || !has_color;
   if (finest_level_ == 0) register_color_to_depth(*images.depth, batch);
   make_pyramid(batch, has_color);
   batch.submit();
-  FramePyramid surface{
-      .levels = {},
-      .packed = {},
-      .fusion = &fusion_,
-      .has_color = has_color,
-      .register_color_to_depth =
-          [this, depth = images.depth] {
-            gpu::Batch later(device_);
-            register_color_to_depth(*depth, later);
-            later.submit();
-          },
-      .images = [this, &frame, motion, global = std::make_shared<std::optional<Frame>>()]() -> const Frame& {
-        if (!global_shutter_) return frame;
-        if (!*global) *global = (*global_shutter_)(frame, motion);
-        return **global;
-      }};
+  FramePyramid surface{.levels = {},
+                       .packed = {},
+                       .fusion = &fusion_,
+                       .has_color = has_color,
+                       .register_color_to_depth =
+                           [this, depth = images.depth] {
+                             gpu::Batch later(device_);
+                             register_color_to_depth(*depth, later);
+                             later.submit();
+                           },
+                       .images = images_at_once(frame, motion)};
   for (std::size_t level = 0; level < levels_.size(); ++level) {
     surface.levels.push_back(&levels_[level]);
     if (has_color) surface.packed.push_back(static_cast<int>(level) >= finest_level_ ? &packed_[level] : nullptr);

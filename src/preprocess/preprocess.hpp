@@ -21,6 +21,9 @@ class Preprocessor {
   [[nodiscard]] FramePyramid preprocess(const Frame& frame, const MotionAt& motion = at_velocity(Vector6d::Zero()));
   /// The fusion image alone, without levels; without color if it needs registration.
   [[nodiscard]] FramePyramid preprocess_for_fusion(const Frame& frame, const MotionAt& motion);
+  /// Corrects the fusion image and the images of `seen`, the last preprocessed frame, for another motion. The levels
+  /// keep theirs.
+  void correct_fusion(FramePyramid& seen, const Frame& frame, const MotionAt& motion);
   /// Camera of the finest level: the source's depth camera, without distortion.
   [[nodiscard]] const Camera& camera() const { return levels_.front().camera; }
 
@@ -29,7 +32,10 @@ class Preprocessor {
   struct Images {
     const gpu::Buffer *depth, *color;
   };
-  [[nodiscard]] Images rectify(const Frame& frame, const MotionAt& motion, bool has_color, gpu::Batch& batch);
+  void upload(const Frame& frame, bool has_color, gpu::Batch& batch);
+  [[nodiscard]] Images rectify(const Frame& frame, const MotionAt& motion, gpu::Batch& batch);
+  void prepare_registration(const Images& images, const MotionAt& motion, bool has_color, gpu::Batch& batch);
+  [[nodiscard]] std::function<const Frame&()> images_at_once(const Frame& frame, const MotionAt& motion);
   void filter(const Images& images, bool smooths, gpu::Batch& batch);
   void find_nearest(const gpu::Buffer& depth, gpu::Batch& batch);
   void register_color_to_depth(const gpu::Buffer& depth, gpu::Batch& batch);
