@@ -19,7 +19,6 @@ PAIRS(2, rays);
 layout(binding = 3, scalar) writeonly buffer Depth { float depth[]; };
 layout(binding = 4, scalar) writeonly buffer Color { uint color[]; };
 
-const int kIterations = 2;       // each reduces the error to about a hundredth
 const float kOneSurface = 0.03;  // relative depth difference up to which four pixels are interpolated
 
 int width, height;
@@ -52,13 +51,16 @@ void main() {
   vec2 n = wanted, pixel = pixel_of_view(n);
   ShutterMotion motion = local(push.motion);
   float distance = push.distance, rows = 1.0 / float(height);
-  if (is_rolling)
-    for (int k = 0; k < kIterations; ++k) {
-      float z = has_depth ? measured(pixel) : 0.0;
-      vec3 p = at_once(motion, (z > 0.0 ? z : distance) * vec3(n, 1.0), (pixel.y + 0.5) * rows);
-      n += clamp(wanted - p.xy / max(p.z, 1e-3), -1.0, 1.0);
-      pixel = pixel_of_view(n);
-    }
+  if (is_rolling) {
+    // A fixed-point step with the row's derivative: the offset is proportional to the delay of the row that saw the
+    // point, up to the acceleration.
+    float z = has_depth ? measured(pixel) : 0.0, row = (pixel.y + 0.5) * rows;
+    vec3 p = at_once(motion, (z > 0.0 ? z : distance) * vec3(n, 1.0), row);
+    vec2 offset = clamp(wanted - p.xy / max(p.z, 1e-3), -1.0, 1.0);
+    float delay = row - 0.5, change = offset.y * view().camera.fy * rows / (abs(delay) > 1e-3 ? delay : 1e-3);
+    n += offset / (1.0 - clamp(change, -0.5, 0.5));
+    pixel = pixel_of_view(n);
+  }
 
   vec2 p = clamp(pixel, vec2(0.0), vec2(width, height) - 1.001);
   ivec2 q = ivec2(p);
