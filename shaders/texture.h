@@ -33,6 +33,10 @@ struct TextureView {
   uvec2 blurred;
 };
 
+#ifdef __cplusplus
+static_assert(sizeof(TextureView) == 4 * 23);  // see view_at
+#endif
+
 struct TexturePreparePush {
   Pinhole camera;
 };
@@ -79,9 +83,27 @@ inline Eigen::Vector3f unpack_normal(uint code) {
 #else
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require
+#include "shaders/fetch.h"
 #include "shaders/surface.h"
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ViewPixels { uvec2 v[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ViewBlurred { uint v[]; };
+
+float float_at(itextureBuffer words, int i) { return uintBitsToFloat(fetch(words, i)); }
+vec3 vec3_at(itextureBuffer words, int i) {
+  return vec3(float_at(words, i), float_at(words, i + 1), float_at(words, i + 2));
+}
+// A TextureView in a buffer of words.
+TextureView view_at(itextureBuffer words, uint number) {
+  int i = int(number) * 23;
+  Rigid pose = Rigid(vec3_at(words, i), vec3_at(words, i + 3), vec3_at(words, i + 6), vec3_at(words, i + 9));
+  return TextureView(pose, vec3_at(words, i + 12), vec3_at(words, i + 15), float_at(words, i + 18),
+                     uvec2(fetch(words, i + 19), fetch(words, i + 20)),
+                     uvec2(fetch(words, i + 21), fetch(words, i + 22)));
+}
+ViewPixels pixels_at(itextureBuffer words, uint number) {
+  int i = int(number) * 23 + 19;
+  return ViewPixels(uvec2(fetch(words, i), fetch(words, i + 1)));
+}
 
 const float kExposure = 0.01;  // seconds, typical for an indoor image
 
@@ -108,11 +130,10 @@ float view_weight(TextureView view, Pinhole camera, vec3 position, vec3 normal, 
 vec3 color_of(uint word) { return unpackUnorm4x8(word).rgb; }
 
 // Bilinear.
-vec3 sharp_color(TextureView view, Pinhole camera, vec2 pixel) {
+vec3 sharp_color(ViewPixels pixels, Pinhole camera, vec2 pixel) {
   uvec2 corner = uvec2(pixel);
   vec2 f = pixel - vec2(corner);
   uint i = corner.y * camera.width + corner.x;
-  ViewPixels pixels = ViewPixels(view.pixels);
   vec3 above = mix(color_of(pixels.v[i].y), color_of(pixels.v[i + 1u].y), f.x);
   vec3 below = mix(color_of(pixels.v[i + camera.width].y), color_of(pixels.v[i + camera.width + 1u].y), f.x);
   return mix(above, below, f.y);

@@ -9,8 +9,8 @@
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureBlendPush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
-layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
-layout(binding = 2, scalar) readonly buffer Chosen { uvec2 chosen[]; };
+WORDS(1, views);
+PAIRS(2, chosen);
 layout(binding = 3, scalar) writeonly buffer Colors { uint colors[]; };  // alpha 0: visible in no view
 
 const float kDiffers = 0.1;  // color difference, in 0..1, at which the confidence is a quarter
@@ -21,13 +21,19 @@ void main() {
   Texel texel = texels[i];
   vec3 normal = unpack_normal(texel.normal), mean = vec3(0.0);
   float total = 0.0, best = 0.0;
-  vec2 pixel;
-  for (uint k = 0u; k < kTileViews; ++k) {
-    uint v = chosen[tile * kTileViews + k].y;
+  vec4 seen[kTileViews];  // smooth color and weight by view
+  vec2 pixels[kTileViews];
+  uint count = 0u;
+  for (; count < kTileViews; ++count) {
+    uint v = fetch(chosen, int(tile * kTileViews + count)).y;
     if (v == kNoView) break;
-    TextureView view = views[v];
+    TextureView view = view_at(views, v);
+    vec2 pixel;
     float w = view_weight(view, push.camera, texel.position, normal, push.tolerance, pixel);
-    mean += w * smooth_color(view, push.camera, pixel);
+    vec3 smooth_c = smooth_color(view, push.camera, pixel);
+    seen[count] = vec4(smooth_c, w);
+    pixels[count] = pixel;
+    mean += w * smooth_c;
     total += w;
     best = max(best, w);
   }
@@ -38,18 +44,16 @@ void main() {
   mean /= total;
   vec3 low = vec3(0.0), high = vec3(0.0);
   float low_total = 0.0, high_total = 0.0;
-  for (uint k = 0u; k < kTileViews; ++k) {
-    uint v = chosen[tile * kTileViews + k].y;
-    if (v == kNoView) break;
-    TextureView view = views[v];
-    float w = view_weight(view, push.camera, texel.position, normal, push.tolerance, pixel);
-    vec3 smooth_c = smooth_color(view, push.camera, pixel), d = (smooth_c - mean) / kDiffers;
+  for (uint k = 0u; k < count; ++k) {
+    float w = seen[k].w;
+    vec3 smooth_c = seen[k].rgb, d = (smooth_c - mean) / kDiffers;
     float confidence = 1.0 / (1.0 + dot(d, d));
     confidence *= confidence;
     float share = w / best, share2 = share * share, sharp = share2 * share2 * share2 * confidence;
     low += w * confidence * smooth_c;
     low_total += w * confidence;
-    high += sharp * (sharp_color(view, push.camera, pixel) - smooth_c);
+    uint v = fetch(chosen, int(tile * kTileViews + k)).y;
+    high += sharp * (sharp_color(pixels_at(views, v), push.camera, pixels[k]) - smooth_c);
     high_total += sharp;
   }
   colors[i] = packUnorm4x8(vec4(low / low_total + high / max(high_total, 1e-12), 1.0));

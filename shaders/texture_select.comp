@@ -7,7 +7,7 @@
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureBlendPush push; };
 layout(binding = 0, scalar) readonly buffer Texels { Texel texels[]; };
-layout(binding = 1, scalar) readonly buffer Views { TextureView views[]; };
+WORDS(1, views);
 layout(binding = 2, scalar) buffer Chosen { uvec2 chosen[]; };  // kTileViews per tile: weight bits and view
 
 const uint kSamples = 5;
@@ -30,7 +30,7 @@ void main() {
   uint first = tile * kTileViews;
   for (uint k = 0u; k < kTileViews; ++k) chosen[first + k] = uvec2(0u, kNoView);
   for (uint v = 0u; v < push.views; ++v) {
-    TextureView view = views[v];
+    TextureView view = view_at(views, v);
     float weight = 0.0;
     for (uint k = 0u; k < kSamples; ++k) {
       Texel t = texels[k == 0u ? s0 : k == 1u ? s1 : k == 2u ? s2 : k == 3u ? s3 : s4];
