@@ -83,7 +83,7 @@ int parse_scale(const std::string& text) {
 
 bool is_floor_plan(const fs::path& file) {
   const std::string extension = extension_of(file);
-  return extension == ".svg" || extension == ".pdf";
+  return extension == ".svg" || extension == ".pdf" || extension == ".dxf";
 }
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
@@ -253,7 +253,7 @@ void run_export(const Arguments& a) {
   if (a.plan_requested && (a.program || !is_floor_plan(a.output)))
     throw CLI::ValidationError("--output", a.output.string() +
                                                ": --scale, --height, --path, --loops, --coverage and --title "
-                                               "are for floor plans, X.svg and X.pdf");
+                                               "are for floor plans, X.svg, X.pdf and X.dxf");
   check_outputs(a);
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   require_folder(a);
@@ -401,8 +401,8 @@ void add_export(CLI::App& program) {
   command
       ->add_option("-o,--output", a->output,
                    "X.glb, X.gltf, X.ply, X.obj, X.stl: for printing, meters, z up, tileset.json: 3D Tiles 1.1 with "
-                   "levels of detail, X.vdb: the grids, X.pdf, X.svg: a floor plan to scale, with "
-                   "a page, or X-1.svg, X-2.svg, for each storey, or with --for a new folder")
+                   "levels of detail, X.vdb: the grids, X.pdf, X.svg, X.dxf: a floor plan to scale, "
+                   "with a page, or X-1.svg, X-2.svg, for each storey, or with --for a new folder")
       ->required()
       ->type_name(kPath);
   add_export_options(*command, a->options);

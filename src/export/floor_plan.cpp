@@ -168,12 +168,13 @@ std::vector<fs::path> write(const plan::Pages& pages, const fs::path& file) {
     write_whole(file, plan::pdf_of(pages.sheets));
     return {file};
   }
+  const bool is_drawing = extension_of(file) == ".dxf";
   std::vector<fs::path> files;
   for (std::size_t i = 0; i < pages.sheets.size(); ++i) {
     fs::path one = file;
     if (pages.sheets.size() > 1)
       one.replace_filename(fmt::format("{}-{}{}", file.stem().string(), i + 1, file.extension().string()));
-    write_whole(one, plan::svg_of(pages.sheets[i]));
+    write_whole(one, is_drawing ? plan::dxf_of(pages.sheets[i], pages.scale) : plan::svg_of(pages.sheets[i]));
     files.push_back(one);
   }
   return files;
@@ -197,8 +198,9 @@ ExportedStorey report_of(const plan::StoreyPlan& storey) {
 }  // namespace
 
 void check(const PlanOptions& options, const fs::path& file) {
-  if (const std::string extension = extension_of(file); extension != ".svg" && extension != ".pdf")
-    throw std::runtime_error(fmt::format("{}: '{}' is not a supported format for plans; use .svg or .pdf",
+  if (const std::string extension = extension_of(file);
+      extension != ".svg" && extension != ".pdf" && extension != ".dxf")
+    throw std::runtime_error(fmt::format("{}: '{}' is not a supported format for plans; use .svg, .pdf or .dxf",
                                          file.string(), file.extension().string()));
   check_range("PlanOptions::height", options.height);
   check_range("PlanOptions::scale", options.scale);

@@ -19,8 +19,8 @@ struct PlanInput {
   std::vector<plan::LoopLine> loops;
 };
 
-/// Writes by the extension of `file`: .pdf with a page for each storey, or .svg with a file for each of several
-/// storeys: X-1.svg, X-2.svg, the lowest first. Throws std::runtime_error with the remedy; each file is atomic.
+/// Writes by the extension of `file`: .pdf with a page for each storey, or .svg or .dxf with a file for each of
+/// several storeys: X-1.svg, X-2.svg, the lowest first. Throws std::runtime_error with the remedy; each file is atomic.
 ExportedPlan export_floor_plan(const PlanInput& input, const std::filesystem::path& file, const PlanOptions& options,
                                const ExportProgress& progress);
 

@@ -155,7 +155,7 @@ Shape rectangle(const Point& a, const Point& b) { return {{{a, {b.x(), a.y()}, b
 
 /// Grid lines at a spacing of a meter or more.
 Layer grid_of(const Drawing& drawing) {
-  Layer layer{.name = "Grid", .style = {.stroke = kGridLine, .width = 0.1}};
+  Layer layer{.name = "Grid", .style = {.stroke = kGridLine, .width = 0.1}, .is_of_page = true};
   const Box& box = drawing.box();
   const double step = std::max(1.0, step_of(drawing.mm(1), 8));
   for (const double x : up_to(box.sizes().x(), step))
@@ -266,8 +266,8 @@ void add_scale_bar(const Page& page, const Point& right, std::vector<Layer>& lay
   constexpr int kSections = 5;
   const double mm = 1000.0 / page.scale, step = std::max(1.0, step_of(mm, kMinSection));
   const Point at = right - Point(kSections * step * mm + kUnit, 0);
-  Layer dark{.name = "Scale bar", .style = {.fill = kBlack}};
-  Layer frame{.name = "Scale bar, frame", .style = {.stroke = kBlack, .width = 0.15}};
+  Layer dark{.name = "Scale bar", .style = {.fill = kBlack}, .is_of_page = true};
+  Layer frame{.name = "Scale bar, frame", .style = {.stroke = kBlack, .width = 0.15}, .is_of_page = true};
   for (int i = 0; i <= kSections; ++i) {
     const Point corner = at + Point(i * step * mm, 0);
     frame.labels.push_back({.at = corner - Point(0, 1),
@@ -305,7 +305,7 @@ int lay_out_legend(const std::vector<LegendEntry>& entries, Point at, double rig
 void add_legend(const std::vector<LegendEntry>& entries, const Point& first, double right, std::vector<Layer>& layers) {
   constexpr double kBox = 6, kHigh = 3.2;  // mm
   lay_out_legend(entries, first, right, [&](const LegendEntry& m, const Point& at) {
-    Layer layer{.name = fmt::format("Legend: {}", m.text), .style = m.style};
+    Layer layer{.name = fmt::format("Legend: {}", m.text), .style = m.style, .is_of_page = true};
     layer.shapes.push_back(m.is_line ? line(at + Point(0, kHigh / 2), at + Point(kBox, kHigh / 2))
                                      : rectangle(at, at + Point(kBox, kHigh)));
     layer.labels.push_back({.at = at + Point(kBox + 1.5, 2.5), .text = m.text});
@@ -338,8 +338,8 @@ struct Plan {
 
 const Style kSolidStyle{.fill = kWall}, kFaceStyle{.stroke = kBlack, .width = 0.3}, kFloorStyle{.fill = kFloor},
     kFurnitureStyle{.fill = kFurniture, .stroke = kEdge, .width = 0.1}, kUnseenStyle{.hatch = kUnseen},
-    kUnobservedStyle{.fill = kUnobserved, .hatch = kUnseen}, kLoopStyle{.stroke = kLoop, .width = 0.13},
-    kLoopBetweenStyle{.stroke = kLoopBetween, .width = 0.2};
+    kDoorStyle{.stroke = kFine, .width = 0.15, .dashed = true}, kUnobservedStyle{.fill = kUnobserved, .hatch = kUnseen},
+    kLoopStyle{.stroke = kLoop, .width = 0.13}, kLoopBetweenStyle{.stroke = kLoopBetween, .width = 0.2};
 
 Style path_style(std::size_t recording, std::size_t recordings) {
   if (recordings < 2) return {.stroke = kPath, .width = 0.2, .dashed = true};
@@ -350,6 +350,22 @@ std::string name_of(const PlanOptions& options, std::size_t recording) {
   return recording < options.recordings.size() && !options.recordings[recording].empty()
              ? options.recordings[recording]
              : fmt::format("recording {}", recording);
+}
+
+Layer doors_of(const Drawing& drawing, const StoreyPlan& storey) {
+  constexpr double kSize = 2, kDistance = 0.8;  // mm
+  Layer layer{.name = "Doors", .style = kDoorStyle};
+  for (const Segment& door : storey.doors) {
+    const Point a = drawing(door.a), b = drawing(door.b), along = (b - a).cwiseAbs();
+    const bool is_upwards = along.y() > along.x();
+    layer.shapes.push_back(line(a, b));
+    layer.labels.push_back({.at = (a + b) / 2 - (is_upwards ? Point(kDistance, 0) : Point(0, kDistance)),
+                            .text = fmt::format("{:.2f}", (door.b - door.a).norm()),
+                            .size = kSize,
+                            .align = Align::middle,
+                            .upwards = is_upwards});
+  }
+  return layer;
 }
 
 /// Draws the camera's paths and loops on a storey.
@@ -402,6 +418,10 @@ std::vector<Layer> layers_of(const Plan& plan, std::size_t i, std::vector<Legend
   Layer& faces = layers.emplace_back(Layer{.name = "Walls, faces", .style = kFaceStyle});
   for (const Polyline& l : storey.walls.lines) faces.shapes.push_back(drawing(l));
   add_paths(plan, i, layers, entries);
+  if (!storey.doors.empty()) {
+    layers.push_back(doors_of(drawing, storey));
+    entries.push_back({"opening, width in m", kDoorStyle, true});
+  }
   if (!storey.rooms.empty()) layers.push_back(rooms_of(drawing, storey));
   layers.push_back(rulers_of(drawing));
   return layers;

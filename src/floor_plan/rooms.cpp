@@ -10,16 +10,19 @@ namespace {
 
 constexpr double kMaxJamb = 0.6;                  // meters of a wall's end, at most
 constexpr double kMinDoor = 0.5, kMaxDoor = 1.6;  // meters of a door
+constexpr double kMaxDoorShift = 0.1;             // meters between the middles of a door found from both jambs
 constexpr double kMaxFacingCosine = -0.9;         // cosine between the normals of the door's two jambs, at most
 constexpr double kMinRoomArea = 1.0;              // m2
 constexpr double kMinClosedRatio = 0.95;          // share of wall or door in a room's rim
 
-/// Closes doors: draws lines between the ends of walls that face each other.
-void close_doors(const Grid& grid, const Mask& solid, const SegmentIndex& sides, Mask& walls) {
+}  // namespace
+
+std::vector<Segment> doors_between(const Grid& grid, const Mask& solid, const SegmentIndex& sides) {
   const auto is_jamb = [&](const Segment& side) {
     const cv::Point inside = grid.cell_of((side.a + side.b) / 2 - 3 * grid.cell * normal_of(side));
     return (side.b - side.a).norm() <= kMaxJamb && grid.contains(inside) && solid(inside) != 0;
   };
+  std::vector<Segment> doors;
   for (std::size_t i = 0; i < sides.all().size(); ++i) {
     const Segment& jamb = sides.all()[i];
     if (!is_jamb(jamb)) continue;
@@ -27,17 +30,17 @@ void close_doors(const Grid& grid, const Mask& solid, const SegmentIndex& sides,
     const auto hit = sides.first(from, normal_of(jamb), kMaxDoor, i);
     if (!hit || hit->distance < kMinDoor) continue;
     const Segment& other = sides.all()[hit->side];
-    if (normal_of(other).dot(normal_of(jamb)) < kMaxFacingCosine && is_jamb(other))
-      cv::line(walls, grid.cell_of(from), grid.cell_of(from + hit->distance * normal_of(jamb)), 255);
+    if (normal_of(other).dot(normal_of(jamb)) >= kMaxFacingCosine || !is_jamb(other)) continue;
+    const Segment door{from, from + hit->distance * normal_of(jamb)};
+    const auto is_same = [&](const Segment& d) { return (d.a + d.b - door.a - door.b).norm() < 2 * kMaxDoorShift; };
+    if (std::none_of(doors.begin(), doors.end(), is_same)) doors.push_back(door);  // each jamb finds the door
   }
+  return doors;
 }
 
-}  // namespace
-
-std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls, const Mask& solid,
-                           const SegmentIndex& sides) {
+std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls, const std::vector<Segment>& doors) {
   Mask closed = walls.clone();
-  close_doors(grid, solid, sides, closed);
+  for (const Segment& door : doors) cv::line(closed, grid.cell_of(door.a), grid.cell_of(door.b), 255);
   const Mask rooms = open & ~closed;
   cv::Mat1i labels, stats;
   cv::Mat1d middles;

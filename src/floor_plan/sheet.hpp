@@ -44,6 +44,7 @@ struct Layer {
   Style style = {};
   std::vector<Shape> shapes = {};
   std::vector<Label> labels = {};
+  bool is_of_page = false;  // grid, scale bar and legend: absent from a drawing in true size
 };
 
 struct Sheet {
@@ -58,6 +59,9 @@ inline constexpr double kDash = 1.5, kDashGap = 1.0;             // mm
 /// SVG with a group per layer, shown by Inkscape as a layer, and with text as text. cairo's SVG has neither: it draws
 /// letters as paths.
 [[nodiscard]] std::string svg_of(const Sheet& sheet);
+/// DXF in meters, x right and y up from the page's lower left corner, with the sheet's layers. `scale`: of the sheet,
+/// 1:scale. Areas are closed polylines.
+[[nodiscard]] std::string dxf_of(const Sheet& sheet, int scale);
 /// PDF with a page per sheet, made by cairo. Contains no creation time: the same sheets give the same bytes. Throws
 /// std::runtime_error if cairo fails.
 [[nodiscard]] std::string pdf_of(const std::vector<Sheet>& sheets);

@@ -123,7 +123,8 @@ StoreyPlan plan_of(const StoreyRaster& raster, double voxel, Coverage coverage) 
     compute_coverage(raster, open, walls, plan);
   else
     plan.unseen = polygons_of(grid, without_strips(grid, unobserved_within(open | walls)));
-  plan.rooms = rooms_in(grid, open, walls, solid, sides);
+  plan.doors = doors_between(grid, solid, sides);
+  plan.rooms = rooms_in(grid, open, walls, plan.doors);
   plan.floor_area = cv::countNonZero((floor | furniture) & ~walls) * grid.cell * grid.cell;
   return plan;
 }

@@ -23,6 +23,7 @@ struct StoreyPlan {
   std::vector<Area> solid;   // between two observed faces
   std::vector<Area> floors;  // observed
   std::vector<Area> furniture, unseen;
+  std::vector<Segment> doors;  // openings between two facing jambs
   std::vector<Room> rooms;
   double floor_area = 0;  // m2 observed, including furniture
   /// With Coverage::included, `unseen` is the unobserved area inside the building's outline instead of the enclosed
@@ -42,8 +43,11 @@ enum class Coverage : std::uint8_t { omitted, included };
 /// Solid between two faces of a wall, at most 0.6 m thick, and small remaining gaps where walls meet.
 [[nodiscard]] Mask solid_between(const StoreyRaster& raster, const SegmentIndex& sides);
 
+/// Openings of 0.5 to 1.6 m between the ends of two walls that face each other.
+[[nodiscard]] std::vector<Segment> doors_between(const Grid& grid, const Mask& solid, const SegmentIndex& sides);
+
 /// Parts of `open` enclosed by walls and doors. `walls`: lines and solid.
-[[nodiscard]] std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls, const Mask& solid,
-                                         const SegmentIndex& sides);
+[[nodiscard]] std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls,
+                                         const std::vector<Segment>& doors);
 
 }  // namespace cairn::plan

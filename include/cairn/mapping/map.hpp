@@ -56,10 +56,10 @@ class Map {
   /// a folder that is not empty.
   ExportViewsReport export_views(const std::filesystem::path& folder, const ViewsOptions& options = {},
                                  const ExportProgress& progress = {});
-  /// Writes a floor plan to scale. The extension selects the format: .pdf with a page per storey, or .svg, with one
-  /// file per storey if there are several: X-1.svg, X-2.svg, lowest first. Works part by part. Writes each file
-  /// atomically. Throws std::runtime_error if the gravity direction is unknown, no floor was observed, or the cut is
-  /// empty.
+  /// Writes a floor plan to scale. The extension selects the format: .pdf with a page per storey, .svg, or .dxf in
+  /// meters; .svg and .dxf with one file per storey if there are several: X-1.svg, X-2.svg, lowest first. Works part by
+  /// part. Writes each file atomically. Throws std::runtime_error if the gravity direction is unknown, no floor was
+  /// observed, or the cut is empty.
   ExportedPlan export_plan(const std::filesystem::path& file, const PlanOptions& options = {},
                            const ExportProgress& progress = {});
   /// Writes the grids `tsdf`, `weight`, `color`, `color_weight`, `observed` and `free`, with EsdfOptions::live also

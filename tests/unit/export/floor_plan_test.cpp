@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Plans of scenes with exactly known walls, from exact voxels to the files' contents.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <functional>
+#include <map>
 #include <sstream>
 
 #include "cairn/mapping/map.hpp"
@@ -214,12 +217,56 @@ TEST_F(FloorPlan, HasAPageOrAFileForEachStorey) {
 }
 
 TEST_F(FloorPlan, HasTheSameBytesTwice) {
-  for (const char* name : {"plan.svg", "plan.pdf"}) {
+  for (const char* name : {"plan.svg", "plan.pdf", "plan.dxf"}) {
     draw(out / name, {.title = "Flat & <co>"});
     const std::string first = read_bytes(out / name);
     draw(out / name, {.title = "Flat & <co>"});
     EXPECT_TRUE(first == read_bytes(out / name)) << name;
     EXPECT_EQ(first.find("CreationDate"), std::string::npos);
+  }
+}
+
+/// Layer of a DXF file, by an independent reader.
+struct DxfLayer {
+  double width = 0, height = 0;
+  int entities = 0;
+  std::vector<std::string> texts;
+};
+std::map<std::string, DxfLayer> read_dxf(const fs::path& file) {
+  const fs::path listed = file.parent_path() / "layers.txt";
+  const std::string support = (source_folder() / "tests/support").string();
+  const int status = std::system(
+      fmt::format("node '{}/read_dxf.mjs' '{}' >'{}' 2>&1", support, file.string(), listed.string()).c_str());
+  const std::string lines = read_bytes(listed);
+  EXPECT_EQ(status, 0) << lines;
+  std::map<std::string, DxfLayer> layers;
+  std::istringstream in(lines);
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream words(line);
+    std::string name;
+    DxfLayer layer;
+    words >> name >> layer.width >> layer.height >> layer.entities;
+    for (std::string text; words >> text;) layer.texts.push_back(text);
+    layers[name] = layer;
+  }
+  return layers;
+}
+
+TEST_F(FloorPlan, IsReadAsDxfInMeters) {
+  for (const int scale : {50, 200}) {
+    const ExportedPlan plan = draw(out / "plan.dxf", {.scale = scale});
+    EXPECT_EQ(plan.files, std::vector<fs::path>{out / "plan.dxf"});
+    auto layers = read_dxf(out / "plan.dxf");
+    EXPECT_NEAR(layers["WALLS_FACES"].width, kWidth, 2 * kSide);
+    EXPECT_NEAR(layers["WALLS_FACES"].height, kDepth, 2 * kSide);
+    EXPECT_GE(layers["WALLS_SOLID"].entities, 1);
+    EXPECT_EQ(layers["ROOMS"].texts.size(), 4u);
+    EXPECT_NE(layers["ROOMS"].texts.at(0).find("_m\\U+00B2"), std::string::npos) << layers["ROOMS"].texts[0];
+    EXPECT_EQ(layers.count("GRID") + layers.count("SCALE_BAR"), 0u) << "of the page";
+    const DxfLayer& doors = layers["DOORS"];
+    ASSERT_EQ(doors.texts.size(), 4u);
+    EXPECT_EQ(doors.entities, 8);
+    for (const std::string& width : doors.texts) EXPECT_NEAR(std::stod(width), kDoor, 0.03);
   }
 }
 
@@ -252,7 +299,7 @@ TEST_F(FloorPlan, ShowsUnobservedSpaceWithinTheOutline) {
 
 TEST_F(FloorPlan, ExplainsWhyThereIsNoPlan) {
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.loops = true}); }).find("has no loops"), std::string::npos);
-  EXPECT_NE(error_of([&] { draw(out / "plan.dxf"); }).find("use .svg or .pdf"), std::string::npos);
+  EXPECT_NE(error_of([&] { draw(out / "plan.dwg"); }).find("use .svg, .pdf or .dxf"), std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.height = 0}); }).find("must be between 0.3 and 3"),
             std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.scale = -1}); }).find("PlanOptions::scale is -1"),
