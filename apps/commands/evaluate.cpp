@@ -495,7 +495,7 @@ void add_topology(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
 void add_views(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   auto* command =
       evaluate.add_subcommand("views", "PSNR of rendered views of a mesh or of splats against a recording's images");
-  command->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply) or splats (.ply)")
+  command->add_option("MESH", a->estimate, "Mesh (.glb, .gltf, .ply) or splats (.ply, .spz)")
       ->required()
       ->check(CLI::ExistingFile);
   command->add_option("RECORDING", a->truth, "Folder of a recording with true poses")

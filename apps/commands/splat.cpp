@@ -78,8 +78,8 @@ SplatStep show_progress(Progress& progress, const SplatOptions& options, Interru
 }
 
 void train(Arguments a) {
-  if (extension_of(a.output) != ".ply")
-    throw CLI::ValidationError("--output", a.output.string() + ": is not X.ply, the format of splats");
+  if (const std::string extension = extension_of(a.output); extension != ".ply" && extension != ".spz")
+    throw CLI::ValidationError("--output", a.output.string() + ": is not X.ply or X.spz, the formats of splats");
   if (!fs::is_directory(a.map))
     throw std::runtime_error(a.map.string() +
                              ": has no keyframes, which splats need: give the folder written by reconstruct, live or "
@@ -108,7 +108,7 @@ void add_splat(CLI::App& program) {
   command->add_option("MAP", a->map, "Folder written by reconstruct, live or merge")
       ->required()
       ->check(CLI::ExistingPath);
-  command->add_option("-o,--output", a->output, "X.ply, the common format of splats")->required()->type_name(kFile);
+  command->add_option("-o,--output", a->output, "X.spz, or X.ply without quantization")->required()->type_name(kFile);
   const auto option = [&](const char* name, auto& value, const char* field, Unit unit, const char* help) {
     add_number(*command, name, value, export_range_of(field), unit, help)->capture_default_str();
   };

@@ -5,7 +5,7 @@
 #include <future>
 #include <optional>
 
-#include "net/gzip.hpp"
+#include "base/gzip.hpp"
 
 namespace cairn {
 

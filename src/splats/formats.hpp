@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string>
 
 #include "cairn/mapping/splats.hpp"
 
@@ -12,5 +13,8 @@ namespace cairn {
 
 void write_splat_ply(const std::filesystem::path& file, const Splats& splats);
 [[nodiscard]] Splats read_splat_ply(std::span<const std::uint8_t> bytes);
+/// Bytes of a .spz file.
+[[nodiscard]] std::string spz_of(const Splats& splats);
+[[nodiscard]] Splats read_spz(std::span<const std::uint8_t> bytes);
 
 }  // namespace cairn

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "base/atomic_file.hpp"
 #include "base/file_name.hpp"
 #include "base/read_whole.hpp"
 #include "cairn/mapping/splats.hpp"
@@ -15,7 +16,7 @@ namespace {
 
 [[noreturn]] void unknown(const std::filesystem::path& file) {
   throw std::runtime_error(file.string() + ": '" + file.extension().string() +
-                           "' is not a supported format of splats; use .ply");
+                           "' is not a supported format of splats; use .ply or .spz");
 }
 
 /// Throws std::runtime_error for a splat that cannot be rendered.
@@ -31,14 +32,21 @@ void check_finite(const Splats& splats) {
 }  // namespace
 
 void write_splats(const std::filesystem::path& file, const Splats& splats) {
-  if (extension_of(file) != ".ply") unknown(file);
-  write_splat_ply(file, splats);
+  const std::string extension = extension_of(file);
+  if (extension == ".ply")
+    write_splat_ply(file, splats);
+  else if (extension == ".spz")
+    write_whole(file, spz_of(splats));
+  else
+    unknown(file);
 }
 
 Splats read_splats(const std::filesystem::path& file) {
-  if (extension_of(file) != ".ply") unknown(file);
+  const std::string extension = extension_of(file);
+  if (extension != ".ply" && extension != ".spz") unknown(file);
   try {
-    Splats splats = read_splat_ply(read_whole(file, kAnySize));
+    const std::vector<std::uint8_t> bytes = read_whole(file, kAnySize);
+    Splats splats = extension == ".spz" ? read_spz(bytes) : read_splat_ply(bytes);
     check_finite(splats);
     return splats;
   } catch (const std::runtime_error& error) {
@@ -48,6 +56,7 @@ Splats read_splats(const std::filesystem::path& file) {
 
 bool has_splats(const std::filesystem::path& file) {
   constexpr std::size_t kMaxHeader = 4096;  // bytes; the largest of the common format has 1,500
+  if (extension_of(file) == ".spz") return true;
   if (extension_of(file) != ".ply") return false;
   std::string header(kMaxHeader, '\0');
   std::ifstream in(file, std::ios::binary);

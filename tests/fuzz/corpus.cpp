@@ -6,12 +6,16 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "base/gzip.hpp"
+#include "base/read_whole.hpp"
 #include "cairn/mapping/esdf.hpp"
 #include "cairn/mapping/pose_graph.hpp"
+#include "cairn/mapping/splats.hpp"
 #include "io/camera_file.hpp"
 #include "mesh/formats.hpp"
 #include "mesh/gltf.hpp"
 #include "session/session_files.hpp"
+#include "splats/formats.hpp"
 #include "support/depth_files.hpp"
 #include "support/frame_messages.hpp"
 #include "support/ros_files.hpp"
@@ -165,6 +169,26 @@ void write_images(const fs::path& folder) {
             std::string(reinterpret_cast<const char*>(image.data), image.total() * image.elemSize()));
   }
   put(place(folder, "keyframe", "corners"), '\1' + std::string(2 * 72, '\0'));
+}
+
+void write_splat_files(const fs::path& folder) {
+  Splats splats;
+  splats.positions.assign(3, {1, 2, 3});
+  splats.log_scales.assign(3, {-3, -4, -5});
+  splats.rotations.assign(3, {1, 0, 0, 0});
+  splats.opacities.assign(3, 1);
+  splats.colors.assign(3, {0, 1, 2});
+  splats.degree = 1;
+  splats.harmonics.assign(9, {0, 0, 0.5f});
+  const std::string spz = spz_of(splats);
+  const auto content = gunzip({reinterpret_cast<const std::uint8_t*>(spz.data()), spz.size()}, 1 << 16);
+  put(place(folder, "splat", "spz"), '\1' + spz);
+  put(place(folder, "splat", "content"), '\2' + std::string(content.begin(), content.end()));
+  const fs::path ply = place(folder, "splat", "a.ply");
+  write_splats(ply, splats);
+  const auto bytes = read_whole(ply);
+  put(place(folder, "splat", "ply"), '\0' + std::string(bytes.begin(), bytes.end()));
+  fs::remove(ply);
 }
 
 void write_meshes(const fs::path& folder) {
@@ -467,6 +491,7 @@ int main(int argc, char** argv) {
   write_layouts(folder);
   write_images(folder);
   write_meshes(folder);
+  write_splat_files(folder);
   write_json_files(folder);
   write_distance_fields(folder);
   write_sessions(folder, work);

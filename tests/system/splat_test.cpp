@@ -85,7 +85,7 @@ TEST(Splat, RefusesInputsWithTheRemedy) {
   const std::string given =
       shared_map(room(), {"--voxel-size", "0.02", "--frames", "0:20", "--poses", (room() / "groundtruth.txt").string()})
           .string();
-  refused({map, "-o", (out / "x.glb").string()}, 2, "is not X.ply");
+  refused({map, "-o", (out / "x.glb").string()}, 2, "is not X.ply or X.spz");
   refused({map + "/map.vdb", "-o", file}, 1, "give the folder written by reconstruct");
   refused({given, "-o", file}, 1, "has no keyframes");
   refused({map, "-o", file, "--iterations", "-1"}, 2, "--iterations");

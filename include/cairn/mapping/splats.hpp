@@ -30,7 +30,8 @@ struct Splats {
 }
 
 /// Writes splats. The extension selects the format: .ply (that of the paper's program, in the world frame: x right, y
-/// down, z forward). Atomic. Throws std::runtime_error for an unknown extension or an unwritable path.
+/// down, z forward) or .spz (Niantic's, version 3, quantized: positions to 1/4096 m within 2 km, scales to 3 %; x
+/// right, y up, z back, as glTF). Atomic. Throws std::runtime_error for an unknown extension or an unwritable path.
 void write_splats(const std::filesystem::path& file, const Splats& splats);
 
 /// Reads a file of write_splats or of another program. Throws std::runtime_error with the reason for a file that is
