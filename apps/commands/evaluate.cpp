@@ -22,6 +22,7 @@
 #include "cairn/synthetic/scene.hpp"
 #include "cli/commands.hpp"
 #include "cli/json_text.hpp"
+#include "cli/open_with_cameras.hpp"
 #include "cli/output_folder.hpp"
 #include "cli/quantity.hpp"
 #include "cli/sources.hpp"
@@ -301,15 +302,6 @@ nlohmann::json to_json(const MapError& e, const LoopDrift& drift, bool is_held_o
                           {"covered", r.covered}});
   if (drift.shift.count > 0) j["loops"] = {{"shift_m", to_json(drift.shift)}, {"turn_rad", to_json(drift.turn)}};
   return j;
-}
-
-/// Opens a recording with the cameras of its map, unless they are its own.
-std::unique_ptr<Source> open_with_cameras(const std::string& recording, const std::filesystem::path& camera_file) {
-  if (is_synthetic(recording) || !std::filesystem::exists(camera_file)) return open_source(recording);
-  auto source = open_source(recording, {.find_color_camera = false});
-  const Rig rig = read_rig(camera_file);
-  if (rig.has_same_cameras(source->rig()) && rig.depth_correction == source->rig().depth_correction) return source;
-  return open_source(recording, {.camera = camera_file});
 }
 
 void evaluate_map_folder(const Arguments& a) {

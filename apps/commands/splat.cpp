@@ -15,9 +15,11 @@
 #include "cli/inputs_and_outputs.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/json_text.hpp"
+#include "cli/open_with_cameras.hpp"
 #include "cli/output_folder.hpp"
 #include "cli/progress.hpp"
 #include "cli/quantity.hpp"
+#include "cli/sources.hpp"
 #include "cli/view_error.hpp"
 #include "options/option_ranges.hpp"
 
@@ -28,6 +30,7 @@ namespace fs = std::filesystem;
 
 struct Arguments {
   fs::path map, output;
+  std::string recording;
   SplatOptions options;
   int device = -1;
   bool json = false;
@@ -49,13 +52,13 @@ void print_error(const char* name, const ViewError& e) {
                e.psnr_with_gain, 100 * e.covered);
 }
 
-void print(const TrainedSplats& trained, const fs::path& file) {
+void print(const TrainedSplats& trained, const fs::path& file, const char* images) {
   const SplatReport& report = trained.report;
   print_result("{}  {}, {} splats after {} iterations in {:.1f} s\n", file.string(), format_size(fs::file_size(file)),
                format_count(trained.splats.size()), report.iterations, report.seconds);
-  print_result("images    {} keyframes, PSNR {:.2f} dB at the size of training\n", report.images, report.psnr);
+  print_result("images    {} {}, PSNR {:.2f} dB at the size of training\n", report.images, images, report.psnr);
   if (!report.held_out) return;
-  print_result("held out  {} other keyframes, at full size:\n", report.held_out->frames);
+  print_result("held out  {} other {}, at full size:\n", report.held_out->frames, images);
   print_error("splats", *report.held_out);
   if (report.mesh) print_error("mesh", *report.mesh);
 }
@@ -84,31 +87,36 @@ void train(Arguments a) {
     throw std::runtime_error(a.map.string() +
                              ": has no keyframes, which splats need: give the folder written by reconstruct, live or "
                              "merge");
-  Inputs().add_map(a.map).check_output_file(a.output);
+  Inputs().add_map(a.map).add_recording(a.recording).check_output_file(a.output);
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   if (fs::exists(a.map / "mesh.glb")) a.options.mesh = a.map / "mesh.glb";
+  OpenRecording open;
+  if (!a.recording.empty()) open = [&] { return read_ahead(open_with_cameras(a.recording, a.map / kMapCamera)); };
   Map map = Map::open(a.map, a.device);
   Interrupt interrupt(Interrupt::Graceful::later, "writing the splats so far; interrupt again to end at once");
   std::optional<Progress> progress(std::in_place, std::nullopt, "");
-  const TrainedSplats trained = train_splats(map, a.options, show_progress(*progress, a.options, interrupt));
+  const TrainedSplats trained = train_splats(map, a.options, show_progress(*progress, a.options, interrupt), open);
   progress.reset();
   write_splats(a.output, trained.splats);
   if (a.json)
     fmt::print("{}\n", format_json(to_json(trained, a.output), 2));
   else
-    print(trained, a.output);
+    print(trained, a.output, open ? "frames" : "keyframes");
 }
 
 }  // namespace
 
 void add_splat(CLI::App& program) {
-  auto* command =
-      program.add_subcommand("splat", "Train Gaussian splats from a map's keyframes, starting at its surface");
+  auto* command = program.add_subcommand("splat", "Train Gaussian splats from a map's images, starting at its surface");
   const auto a = std::make_shared<Arguments>();
   command->add_option("MAP", a->map, "Folder written by reconstruct, live or merge")
       ->required()
       ->check(CLI::ExistingPath);
   command->add_option("-o,--output", a->output, "X.spz, or X.ply without quantization")->required()->type_name(kFile);
+  command
+      ->add_option("--recording", a->recording,
+                   "The map's last recording: train with its sharpest frames, instead of the keyframes")
+      ->check(is_recording);
   const auto option = [&](const char* name, auto& value, const char* field, Unit unit, const char* help) {
     add_number(*command, name, value, export_range_of(field), unit, help)->capture_default_str();
   };
@@ -121,8 +129,10 @@ void add_splat(CLI::App& program) {
   option("--max-splats", o.max_splats, "SplatOptions::max_splats", Unit::none, "Maximum number of splats");
   option("--degree", o.degree, "SplatOptions::degree", Unit::none,
          "Degree of the spherical harmonics of the colors; 0: equal from all directions");
+  option("--images", o.images, "SplatOptions::images", Unit::none,
+         "Maximum number of training images from the recording");
   option("--hold-out", o.hold_out, "SplatOptions::hold_out", Unit::none,
-         "Keep every N-th keyframe for the comparison in the end; 0: train with all");
+         "Keep every N-th image for the comparison in the end; 0: train with all");
   add_device(*command, a->device);
   command->add_flag("--json", a->json, "Print JSON");
   command->callback([a] { train(*a); });

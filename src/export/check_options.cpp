@@ -28,6 +28,7 @@ constexpr Named kRanges[] = {
     {"SplatOptions::resolution", {0.05, 1}},
     {"SplatOptions::max_splats", {1000, 1e7}},
     {"SplatOptions::degree", {0, 3}},
+    {"SplatOptions::images", {1, 1e6}},
     {"SplatOptions::hold_out", {0, 1e6}},
     {"ViewsOptions::images", {0, 1e6}},
     {"ViewsOptions::point_spacing", {0.001, 10}},

@@ -11,9 +11,7 @@
 #include "export/image_rectifier.hpp"
 
 namespace cairn {
-namespace {
 
-/// Variance of the Laplacian (Pech-Pacheco et al. 2000); less than 0 without color.
 double sharpness_of(Frame& frame, const Camera& camera) {
   if (frame.color.empty()) return -1;
   cv::Mat gray, edges;
@@ -23,8 +21,6 @@ double sharpness_of(Frame& frame, const Camera& camera) {
   cv::meanStdDev(edges, mean, deviation);
   return deviation[0] * deviation[0];
 }
-
-}  // namespace
 
 int write_views(const ViewsInput& input, const std::filesystem::path& folder, const ViewsOptions& options,
                 const ExportProgress& progress) {

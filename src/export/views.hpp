@@ -20,6 +20,9 @@ struct ViewsInput {
   Eigen::Isometry3d world_from_map = Eigen::Isometry3d::Identity();  // to the world of the written poses
 };
 
+/// Variance of the Laplacian (Pech-Pacheco et al. 2000) of a color image; less than 0 without color.
+[[nodiscard]] double sharpness_of(Frame& frame, const Camera& camera);
+
 /// Returns the number of images written into `folder`, which contains the points. Throws std::runtime_error for zero
 /// images.
 int write_views(const ViewsInput& input, const std::filesystem::path& folder, const ViewsOptions& options,

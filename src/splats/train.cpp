@@ -13,15 +13,18 @@
 #include "export/image_rectifier.hpp"
 #include "export/map_contents.hpp"
 #include "splats/initialize.hpp"
+#include "splats/posed_frames.hpp"
 #include "splats/splat_renderer.hpp"
 #include "splats/trainer.hpp"
 
 namespace cairn {
 namespace {
 
-constexpr double kSurfelShare = 0.6;   // of the maximum count; the rest is for background and refinement
-constexpr double kRecentShare = 0.05;  // weight of the newest image in the reported error
-constexpr float kLowPass = 0.3f;       // pixels^2 at full size, as in viewers
+constexpr double kSurfelShare = 0.6;          // of the maximum count; the rest is for background and refinement
+constexpr double kRecentShare = 0.05;         // weight of the newest image in the reported error
+constexpr float kLowPass = 0.3f;              // pixels^2 at full size, as in viewers
+constexpr std::size_t kMaxInitialViews = 50;  // for colors and background of the first splats
+constexpr std::size_t kMaxCompared = 100;     // held-out images
 
 /// Keyframes for training, and those held out.
 struct SplitKeyframes {
@@ -58,36 +61,50 @@ TrainingView training_view(Frame frame, const Camera& full, const Camera& camera
   return view;
 }
 
-ViewError compare(ViewComparison& views, const ViewsInput& input, const std::vector<TextureKeyframe>& keyframes) {
-  ViewError error;
-  for (const TextureKeyframe& k : keyframes) {
-    Frame frame = input.get_image(k.image);
-    if (frame.color.empty()) continue;
-    views.compare_color(std::move(frame), input.world_from_map * k.world_from_camera, k.velocity, k.color_delay);
-    ++error.frames;
-  }
-  error.psnr = views.psnr();
-  error.psnr_with_gain = views.psnr_with_gain();
-  error.covered = views.covered();
-  return error;
+/// Views spread evenly, at most `max_count`.
+std::vector<TrainingView> subset(const std::vector<TrainingView>& views, std::size_t max_count) {
+  const std::size_t step = (views.size() + max_count - 1) / max_count;
+  std::vector<TrainingView> some;
+  for (std::size_t i = 0; i < views.size(); i += step) some.push_back(views[i]);
+  return some;
 }
+
+/// Comparison of images with the splats, and with a mesh if there is one.
+struct Comparisons {
+  ViewComparison& splats;
+  ViewComparison* mesh;
+  int frames = 0;
+
+  void add(Frame frame, const Eigen::Isometry3d& world_from_map, const TextureKeyframe& k) {
+    const Eigen::Isometry3d pose = world_from_map * k.world_from_camera;
+    if (mesh != nullptr) mesh->compare_color(frame, pose, k.velocity, k.color_delay);
+    splats.compare_color(std::move(frame), pose, k.velocity, k.color_delay);
+    ++frames;
+  }
+  [[nodiscard]] ViewError error_of(const ViewComparison& views) const {
+    return {
+        .psnr = views.psnr(), .psnr_with_gain = views.psnr_with_gain(), .covered = views.covered(), .frames = frames};
+  }
+};
 
 double psnr_of(double squared) { return squared > 0 ? -10 * std::log10(squared) : 0; }
 
 /// Training of a map's splats, step by step.
 class Training {
  public:
-  Training(Map& map, const SplatOptions& options, const SplatStep& on_step)
-      : options_(options),
+  Training(Map& map, const SplatOptions& options, const SplatStep& on_step, const OpenRecording& open)
+      : map_(map),
+        options_(options),
         on_step_(on_step),
+        open_(open),
         device_(MapAccess::contents(map).device()),
         input_(MapAccess::contents(map).views()),
         keyframes_(split_keyframes(input_.keyframes, options.hold_out)),
         surface_{map.mesh()} {}
 
   [[nodiscard]] TrainedSplats run() {
-    const std::vector<TrainingView> views = load_views();
-    SplatTrainer trainer(device_, initial_splats(views), views,
+    const std::vector<TrainingView> views = open_ ? load_recording() : load_keyframes();
+    SplatTrainer trainer(device_, initial_splats(subset(views, kMaxInitialViews)), views,
                          {.iterations = options_.iterations,
                           .max_splats = options_.max_splats,
                           .low_pass = kLowPass * options_.resolution * options_.resolution});
@@ -100,7 +117,7 @@ class Training {
   }
 
  private:
-  [[nodiscard]] std::vector<TrainingView> load_views() {
+  [[nodiscard]] std::vector<TrainingView> load_keyframes() {
     const ImageRectifier rectified(input_.rig);
     const Camera camera = scaled(rectified.camera(), options_.resolution);
     std::vector<TrainingView> views;
@@ -112,6 +129,22 @@ class Training {
       if (!keep_going({})) break;
     }
     if (views.empty()) throw std::runtime_error("the map has no keyframes with color to train splats from");
+    return views;
+  }
+
+  [[nodiscard]] std::vector<TrainingView> load_recording() {
+    const ImageRectifier rectified(input_.rig);
+    const Camera camera = scaled(rectified.camera(), options_.resolution);
+    PosedFrames frames(map_, input_, open_(), options_.hold_out);
+    std::vector<TrainingView> views;
+    visit_sharpest(frames, static_cast<std::size_t>(options_.images), [&](PosedFrame posed) {
+      views.push_back(training_view(rectified(std::move(posed.frame), Eigen::Isometry3d::Identity(), posed.keyframe),
+                                    rectified.camera(), camera, surface_));
+      return keep_going({});
+    });
+    if (views.empty())
+      throw std::runtime_error(
+          "no color image of the recording has the time of a pose of the map: give the recording of the map");
     return views;
   }
 
@@ -152,25 +185,50 @@ class Training {
   }
 
   void compare_held_out(TrainedSplats& trained) const {
-    if (keyframes_.held_out.empty()) return;
+    if (is_stopped_ || options_.hold_out == 0 || (!open_ && keyframes_.held_out.empty())) return;
     SplatRenderer renderer(device_, trained.splats);
-    ViewComparison views(
+    ViewComparison of_splats(
         [&](const Camera& camera, const Eigen::Isometry3d& pose, int) { return renderer(camera, pose); }, input_.rig);
-    trained.report.held_out = compare(views, input_, keyframes_.held_out);
-    if (options_.mesh.empty()) return;
-    const std::vector<Mesh> parts = read_mesh_parts(options_.mesh);
+    const std::vector<Mesh> parts = options_.mesh.empty() ? std::vector<Mesh>{} : read_mesh_parts(options_.mesh);
     ViewComparison of_mesh(parts, input_.rig);
-    trained.report.mesh = compare(of_mesh, input_, keyframes_.held_out);
+    Comparisons comparisons{.splats = of_splats, .mesh = parts.empty() ? nullptr : &of_mesh};
+    if (open_)
+      compare_recording(comparisons);
+    else
+      compare_keyframes(comparisons);
+    if (comparisons.frames == 0) return;
+    trained.report.held_out = comparisons.error_of(of_splats);
+    if (!parts.empty()) trained.report.mesh = comparisons.error_of(of_mesh);
   }
 
-  [[nodiscard]] bool keep_going(const SplatProgress& progress) const { return !on_step_ || on_step_(progress); }
+  void compare_keyframes(Comparisons& comparisons) const {
+    for (const TextureKeyframe& k : keyframes_.held_out)
+      if (Frame frame = input_.get_image(k.image); !frame.color.empty())
+        comparisons.add(std::move(frame), input_.world_from_map, k);
+  }
 
+  void compare_recording(Comparisons& comparisons) const {
+    PosedFrames frames(map_, input_, open_(), options_.hold_out);
+    const std::size_t step = frames.size() / (kMaxCompared * static_cast<std::size_t>(options_.hold_out)) + 1;
+    for (std::size_t held_out = 0; auto posed = frames.next();)
+      if (posed->frame.held_out && held_out++ % step == 0)
+        comparisons.add(std::move(posed->frame), Eigen::Isometry3d::Identity(), posed->keyframe);
+  }
+
+  [[nodiscard]] bool keep_going(const SplatProgress& progress) {
+    is_stopped_ = is_stopped_ || (on_step_ && !on_step_(progress));
+    return !is_stopped_;
+  }
+
+  Map& map_;
   const SplatOptions& options_;
   const SplatStep& on_step_;
+  const OpenRecording& open_;
   gpu::Device& device_;
   ViewsInput input_;
   SplitKeyframes keyframes_;
   std::vector<Mesh> surface_;
+  bool is_stopped_ = false;  // by on_step_
 };
 
 }  // namespace
@@ -181,12 +239,13 @@ void check(const SplatOptions& options) {
   check_range("SplatOptions::resolution", options.resolution);
   check_range("SplatOptions::max_splats", options.max_splats);
   check_range("SplatOptions::degree", options.degree);
+  check_range("SplatOptions::images", options.images);
   check_range("SplatOptions::hold_out", options.hold_out);
 }
 
-TrainedSplats train_splats(Map& map, const SplatOptions& options, const SplatStep& on_step) {
+TrainedSplats train_splats(Map& map, const SplatOptions& options, const SplatStep& on_step, const OpenRecording& open) {
   check(options);
-  return Training(map, options, on_step).run();
+  return Training(map, options, on_step, open).run();
 }
 
 ViewError evaluate_views(const Splats& splats, Source& recording, const Eigen::Isometry3d& world_from_recording,

@@ -45,10 +45,28 @@ TEST(Splat, TrainsFromAMapAndJudgesItsHeldOutKeyframes) {
   EXPECT_GT(Json::parse(ran.out)["psnr_db"], 20);
 }
 
+TEST(Splat, TrainsFromTheFramesOfTheRecording) {
+  const TemporaryFolder out;
+  const Json report = trained(out / "x.spz", {"--recording", room().string(), "--iterations", "60", "--max-splats",
+                                              "20000", "--images", "20", "--hold-out", "6"});
+  EXPECT_EQ(report["images"], 20);
+  EXPECT_EQ(report["held_out"]["frames"], 10);  // of 60
+  EXPECT_GT(report["held_out"]["psnr_db"], 20);
+  EXPECT_GT(report["held_out"]["covered"], 0.9);
+  EXPECT_GT(report["mesh"]["psnr_db"], 15);
+  EXPECT_LT(report["bytes"], 20 * report["splats"].get<int>());  // 68 in .ply
+  const Ran ran = run_cairn({"evaluate", "views", (out / "x.spz").string(), room().string(), "--trajectory",
+                             (map_of_room() / "trajectory.txt").string(), "--truth-trajectory", room().string(),
+                             "--step", "20", "--json"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NEAR(Json::parse(ran.out)["psnr_db"], report["held_out"]["psnr_db"], 3);
+}
+
 TEST(Splat, WritesTheSameBytesTwice) {
   const TemporaryFolder out;
   for (const char* name : {"a.ply", "b.ply"})
-    (void)trained(out / name, {"--iterations", "20", "--max-splats", "5000", "--resolution", "0.2", "--hold-out", "0"});
+    (void)trained(out / name, {"--iterations", "20", "--max-splats", "5000", "--resolution", "0.2", "--hold-out", "0",
+                               "--recording", room().string(), "--images", "10"});
   EXPECT_TRUE(read_bytes(out / "a.ply") == read_bytes(out / "b.ply"));  // without printing megabytes
 }
 
@@ -63,6 +81,19 @@ TEST(Splat, InterruptedTrainingWritesItsSplats) {
   EXPECT_EQ(ran.exit_code, 0) << ran.err;
   EXPECT_NE(ran.err.find("writing the splats so far"), std::string::npos) << ran.err;
   EXPECT_GT(read_splats(out / "x.ply").size(), 100);
+}
+
+TEST(Splat, InterruptedTrainingFromARecordingWritesItsSplats) {
+  const TemporaryFolder out;
+  Running program({"splat", map_of_room().string(), "-o", "x.spz", "--recording", room().string(), "--iterations",
+                   "1000000", "--max-splats", "2000", "--resolution", "0.1"},
+                  out.path());
+  ASSERT_TRUE(program.wait_until([&] { return program.err().find("PSNR") != std::string::npos; })) << program.err();
+  program.send(SIGINT);
+  const Ran ran = program.end();
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_EQ(ran.out.find("held out"), std::string::npos) << ran.out;
+  EXPECT_GT(read_splats(out / "x.spz").size(), 100);
 }
 
 TEST(Splat, EndsAtItsTimeLimit) {
@@ -91,6 +122,9 @@ TEST(Splat, RefusesInputsWithTheRemedy) {
   refused({map, "-o", file, "--iterations", "-1"}, 2, "--iterations");
   refused({map, "-o", file, "--resolution", "2"}, 2, "--resolution");
   refused({(out / "nothing").string(), "-o", file}, 2, "nothing");
+  refused({map, "-o", file, "--recording", (out / "nothing").string()}, 2, "--recording");
+  refused({map, "-o", file, "--recording", shared_recording({"room", "--frames", "2", "--width", "64"}).string()}, 1,
+          "images of another size than the map's");
 }
 
 }  // namespace
