@@ -150,7 +150,7 @@ export async function showFinished(scene, data, fold) {
       fold.show(true);  // with the reasons
     }
   }
-  addTools(scene, data, fieldsOf(data), fold);
+  addTools(scene, data, fieldsOf(data), fold, data.splats && (() => fetched(data.splats)));
   await scene.shown();
   performance.mark('complete');
 }

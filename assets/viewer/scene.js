@@ -159,6 +159,7 @@ export class Scene {
 
   render() {
     this.isStale = false;
+    if (this.splats?.object.visible) this.splats.update(this.camera, this.renderer, this.clipping);
     this.renderer.render(this.scene, this.camera);
     this.drawnFrom = this.camera.matrixWorld.elements.join();
     for (const watch of this.watchers) watch();
@@ -351,6 +352,21 @@ export class Scene {
     this.scene.add(this.model);
     this.perspective.far = Math.max(this.perspective.far, 4 * this.box.getSize(new THREE.Vector3()).length());
     this.resize();
+  }
+
+  /** Adds splats in place of the surface. */
+  setSplats(splats) {
+    this.splats = splats;
+    this.scene.add(splats.object);
+    this.showSplats(true);
+  }
+
+  /** Shows the splats or the surface. Tools keep using the surface. */
+  showSplats(isShown) {
+    this.splats.object.visible = isShown;
+    if (this.model) this.model.visible = !isShown;
+    this.restUntil = 0;
+    this.isStale = true;
   }
 
   /** Assigns the page's materials to a loaded mesh. */

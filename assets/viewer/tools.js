@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // All tools of a finished map, with buttons and shortcuts.
 import { Colors } from './colors.js';
-import { save } from './dom.js';
+import { element, save } from './dom.js';
 import { Measure } from './measure.js';
 import { Plan } from './plan.js';
 import { Playback } from './playback.js';
@@ -10,6 +10,7 @@ import { Ruler } from './ruler.js';
 import { upright } from './scene.js';
 import { Section, wallsTurn } from './section.js';
 import { Slice } from './slice.js';
+import { readSpz, Splats } from './splats.js';
 import { Surface } from './surface.js';
 import { Toolbar } from './toolbar.js';
 import { Walk } from './walk.js';
@@ -53,7 +54,29 @@ function doubleClicks(scene, surface) {
   });
 }
 
-export function addTools(scene, data, fields, fold) {
+/** Adds the button for Gaussian splats, which are loaded at its first press by `load()`. */
+function addSplats(scene, bar, load) {
+  let isLoading = false;
+  const button = bar.add({ name: 'Gaussian splats', label: 'Splats', key: 'v', symbol: 'splats', press: async () => {
+    if (isLoading) return;
+    if (scene.splats) scene.showSplats(!scene.splats.object.visible);
+    else {
+      isLoading = true;
+      button.setAttribute('aria-busy', 'true');
+      try {
+        scene.setSplats(new Splats(await readSpz(await load())));
+      } catch (error) {
+        document.getElementById('panel').prepend(element('div', { className: 'warning' }, `The splats are not shown here: ${error.message}`));
+      }
+      button.removeAttribute('aria-busy');
+      isLoading = false;
+    }
+    button.setAttribute('aria-pressed', Boolean(scene.splats?.object.visible));
+  } });
+  button.setAttribute('aria-pressed', 'false');
+}
+
+export function addTools(scene, data, fields, fold, loadSplats) {
   const { report, trajectory } = data, bar = new Toolbar();
   const hasMesh = Boolean(scene.model), hasPath = trajectory.length > 1, hasFields = Boolean(data.fields);
   const level = floorLevel(scene), turn = wallsTurn(scene.meshes()), surface = new Surface(scene);
@@ -93,6 +116,7 @@ export function addTools(scene, data, fields, fold) {
     grid.setAttribute('aria-pressed', 'false');
     doubleClicks(scene, surface);
   }
+  if (loadSplats) addSplats(scene, bar, loadSplats);
   bar.add({ name: 'Save a picture', label: 'Picture', key: 'x', symbol: 'picture', press: () => savePicture(scene, data.name) });
   if (document.fullscreenEnabled) {  // not on an iPhone
     const full = bar.add({ name: 'Full screen', label: 'Full', key: 'f', symbol: 'full', press: toggleFullScreen });

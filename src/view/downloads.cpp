@@ -65,6 +65,8 @@ std::vector<Download> finished_files(const fs::path& folder, bool is_textured) {
       {"mesh.glb", is_textured ? "textured mesh, for Blender and viewers" : "mesh, for Blender and viewers"},
       {"preview.glb", "smaller mesh, for web pages"},
       {"map.vdb", "distances, observations and colors, for OpenVDB and cairn"},
+      {"splats.spz", "Gaussian splats, for viewers of splats"},
+      {"splats.ply", "Gaussian splats, without quantization"},
       {"trajectory.txt", "the camera's path, in the TUM format"},
       {"graph.g2o", "keyframes and loops, for pose graph programs"},
       {"graph.svg", "a drawing of the path from above"},

@@ -16,12 +16,15 @@
 #include <utility>
 #include <vector>
 
+#include "base/file_name.hpp"
 #include "base/json_text.hpp"
 #include "base/path_kind.hpp"
 #include "base/quoted.hpp"
 #include "base/read_json.hpp"
+#include "cairn/mapping/splats.hpp"
 #include "cairn/mapping/trajectory.hpp"
 #include "net/file_below.hpp"
+#include "splats/formats.hpp"
 #include "view/downloads.hpp"
 #include "view/fields.hpp"
 #include "view/first_mesh.hpp"
@@ -150,6 +153,14 @@ std::vector<double> keyframe_times(const Json& report) {
   return times;
 }
 
+/// Splats as .spz, the only format that the page reads.
+Served served_splats(const fs::path& file) {
+  const std::string type = content_type_of("splats.spz");
+  if (extension_of(file) == ".spz") return {.content_type = type, .body = file};
+  return {.content_type = type,
+          .body = once([file]() -> Content { return std::make_shared<const Text>(spz_of(read_splats(file))); })};
+}
+
 }  // namespace
 
 struct FinishedMap::State {
@@ -180,6 +191,12 @@ struct FinishedMap::State {
   /// The mesh file with less detail.
   [[nodiscard]] fs::path smaller_mesh() const { return folder / (has_preview ? "preview.glb" : "mesh.glb"); }
   [[nodiscard]] bool has_fields() const { return has_grids; }
+  /// File with Gaussian splats of the map; empty without one.
+  [[nodiscard]] fs::path splats() const {
+    for (const char* name : {"splats.spz", "splats.ply"})
+      if (is_below(folder, name)) return folder / name;
+    return {};
+  }
   [[nodiscard]] SensorModel sensor() const { return pictures ? pictures->sensor : SensorModel{}; }
   [[nodiscard]] Json json() const {
     return {{"mode", "finished"},
@@ -220,6 +237,10 @@ std::map<std::string, Served> FinishedMap::served() const {
           return std::make_shared<const Text>(bytes_of(make_fields(s->folder / "map.vdb", s->sensor(), s->path)));
         }),
         .is_packable = true};
+  }
+  if (const fs::path file = s->splats(); !file.empty()) {
+    data["splats"] = "splats.spz";
+    files["splats.spz"] = served_splats(file);
   }
   data["keyframes"] = Json::array();
   for (std::size_t k = 0; k < s->keyframes.size(); ++k) {
