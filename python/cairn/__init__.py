@@ -21,6 +21,7 @@ Where to start
     evaluate                   trajectories, meshes and maps against the truth
     Scene, SceneCamera         scenes with an exactly known surface
     PoseGraph                  poses connected by measured relative poses
+    train_splats, Splats       Gaussian splats of a map
 
 Conventions
     Lengths are meters, times seconds, angles radians. The camera's frame is x right, y down, z forward, as in OpenCV;
@@ -87,6 +88,8 @@ from ._cairn import (
     SessionInfo,
     Source,
     SourceSummary,
+    SplatReport,
+    Splats,
     Statistics,
     SurfaceBlock,
     SurfaceChanges,
@@ -110,6 +113,7 @@ from ._cairn import (
     merge_sessions,
     open,
     recorded_truth,
+    train_splats,
 )
 from .evaluate import MapError
 from .runs import Frames, Report, merge, program, reconstruct, run, synth
@@ -171,6 +175,8 @@ __all__ = [
     "SessionInfo",
     "Source",
     "SourceSummary",
+    "SplatReport",
+    "Splats",
     "Statistics",
     "SurfaceBlock",
     "SurfaceChanges",
@@ -200,6 +206,7 @@ __all__ = [
     "recorded_truth",
     "run",
     "synth",
+    "train_splats",
 ]
 
 for _name in __all__:  # shown and found as cairn.Mapper

@@ -80,5 +80,6 @@ PYBIND11_MODULE(_cairn, m) {
   add_session(m);
   add_graph(m);
   add_evaluation(m);
+  add_splats(m);
   add_synthetic(m);
 }

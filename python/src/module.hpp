@@ -22,6 +22,7 @@ void add_viewers(pybind11::module_& m);
 void add_session(pybind11::module_& m);
 void add_graph(pybind11::module_& m);
 void add_evaluation(pybind11::module_& m);
+void add_splats(pybind11::module_& m);
 void add_synthetic(pybind11::module_& m);
 
 }  // namespace cairn::python

@@ -269,3 +269,26 @@ def test_trajectories_interpolate_and_reject_invalid_arrays(here: Path) -> None:
         cairn.Trajectory([0.0, 0.0, 0.2], poses)
     with pytest.raises(ValueError, match=r"\(3, 4, 4\) is expected"):
         cairn.Trajectory([0.0, 0.1, 0.2], poses[:2])
+
+
+def test_splats_are_trained_written_and_read(mapper: cairn.Mapper, here: Path) -> None:
+    steps: List[int] = []
+
+    def progress(step: int, _psnr: float, _splats: int) -> bool:
+        steps.append(step)
+        return step < 3
+
+    splats, report = cairn.train_splats(
+        mapper.map(), max_splats=1000, resolution=0.2, hold_out=0, degree=2, progress=progress
+    )
+    assert report.iterations == steps[-1] == 3
+    assert report.images >= 1 and report.held_out is None and report.mesh is None
+    assert splats.positions.shape == splats.log_scales.shape == splats.colors.shape == (len(splats), 3)
+    assert splats.rotations.shape == (len(splats), 4) and splats.harmonics.shape == (len(splats), 8, 3)
+    for name, error in (("x.ply", 0), ("x.spz", 1 / 8192)):
+        splats.write(name)
+        again = cairn.Splats.read(name)
+        np.testing.assert_allclose(again.positions, splats.positions, rtol=0, atol=1.01 * error)
+        assert again.degree == splats.degree
+    with pytest.raises(cairn.Error, match="use .ply or .spz"):
+        splats.write("x.glb")
