@@ -82,31 +82,19 @@ Rig rig_of(const Arguments& a) {
   return camera;
 }
 
-/// Simulated gyroscope: samples of (since, until], in the axes of the inertial sensor. `mems` models a phone-grade
-/// sensor, Bosch BMI270: 0.007 degrees/s/sqrt(Hz), a bias of 0.5 degrees/s with random walk.
-class Gyroscope {
+/// Errors of a simulated sensor: white noise, and a bias with random walk.
+class SensorErrors {
  public:
-  Gyroscope(const Arguments& a, const Rig& rig)
-      : camera_from_imu_(rig.camera_from_imu.value_or(Eigen::Quaterniond::Identity())),
-        is_noisy_(a.imu == "mems"),
-        random_(a.seed) {}
-  [[nodiscard]] std::vector<AngularRate> until(double time, const SyntheticPath& path) {
-    std::vector<AngularRate> samples;
-    for (; static_cast<double>(next_) / kRate <= time; ++next_) {
-      const double at = static_cast<double>(next_) / kRate;
-      Eigen::Vector3d rate = camera_from_imu_.conjugate() * path.angular_rate(at);
-      if (is_noisy_) {
-        bias_ += kWalk / std::sqrt(kRate) * noise();
-        rate += bias_ + kDensity * std::sqrt(kRate) * noise();
-      }
-      samples.push_back({at, rate});
-    }
-    return samples;
+  /// `density`: 1/sqrt(Hz) of the unit; `walk`: per second.
+  SensorErrors(std::uint64_t seed, double density, double walk, const Eigen::Vector3d& bias)
+      : random_(seed), density_(density), walk_(walk), bias_(bias) {}
+  /// Error of the next sample at a rate in Hz.
+  [[nodiscard]] Eigen::Vector3d next(double rate) {
+    bias_ += walk_ / std::sqrt(rate) * noise();
+    return bias_ + density_ * std::sqrt(rate) * noise();
   }
 
  private:
-  static constexpr double kRate = 200;                                // Hz
-  static constexpr double kDensity = 0.007 / 57.29578, kWalk = 2e-4;  // rad/s/sqrt(Hz), rad/s^2/sqrt(Hz)
   /// Noise of variance 1 per axis, as sums of uniform numbers, so that all standard libraries give the same values.
   Eigen::Vector3d noise() {
     Eigen::Vector3d n;
@@ -116,10 +104,37 @@ class Gyroscope {
     }
     return n;
   }
-  Eigen::Quaterniond camera_from_imu_;
-  bool is_noisy_;
   std::mt19937_64 random_;
-  Eigen::Vector3d bias_{0.006, -0.005, 0.004};
+  double density_, walk_;
+  Eigen::Vector3d bias_;
+};
+
+/// Simulated gyroscope and accelerometer: samples since the last call, at 200 Hz. `mems` models a phone-grade sensor,
+/// Bosch BMI270: 0.007 degrees/s/sqrt(Hz), 160 ug/sqrt(Hz), biases of 0.5 degrees/s and 0.09 m/s^2 with random walk.
+class InertialSensor {
+ public:
+  InertialSensor(const Arguments& a, const Rig& rig)
+      : camera_from_imu_(rig.camera_from_imu.value_or(Eigen::Quaterniond::Identity())),
+        is_present_(a.imu != "none"),
+        is_noisy_(a.imu == "mems"),
+        gyro_(a.seed, 0.007 / 57.29578, 2e-4, {0.006, -0.005, 0.004}),
+        acceleration_(a.seed + 1, 1.6e-3, 3e-4, {0.05, -0.04, 0.06}) {}
+  /// Adds the samples up to the frame's time.
+  void attach_to(Frame& frame, const SyntheticPath& path) {
+    for (; is_present_ && static_cast<double>(next_) / kRate <= frame.timestamp; ++next_) {
+      const double at = static_cast<double>(next_) / kRate;
+      Eigen::Vector3d rate = camera_from_imu_.conjugate() * path.angular_rate(at), force = path.specific_force(at);
+      if (is_noisy_) rate += gyro_.next(kRate), force += acceleration_.next(kRate);
+      frame.gyro.push_back({at, rate});
+      frame.accelerations.push_back({at, force});
+    }
+  }
+
+ private:
+  static constexpr double kRate = 200;  // Hz
+  Eigen::Quaterniond camera_from_imu_;
+  bool is_present_, is_noisy_;
+  SensorErrors gyro_, acceleration_;
   long next_ = 0;
 };
 
@@ -137,7 +152,7 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
   const auto writer = write_layout(a.layout, folder, rig);
   Mesh truth = truth_of(scene, path, frames / a.rate);
   std::vector<bool> seen(truth.triangles.size());
-  Gyroscope gyroscope(a, rig);
+  InertialSensor inertial(a, rig);
   Progress progress(frames);
   std::future<void> writing;  // adds noise and encodes the previous frame while the next is rendered
   for (int i = 0; i < frames; ++i) {
@@ -150,11 +165,8 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
     auto color = color_camera || a.color_delay != 0 ? color_in_scene.render(color_pose, time + a.color_delay).color
                                                     : images.color;
     if (i % 5 == 0 && rig.depth.readout == 0) mark_seen(truth, rig.depth, *pose, images.depth, seen);
-    Frame frame{.index = i,
-                .timestamp = time,
-                .world_from_camera = *pose,
-                .acceleration = path.acceleration(time),
-                .gyro = a.imu == "none" ? std::vector<AngularRate>{} : gyroscope.until(time, path)};
+    Frame frame{.index = i, .timestamp = time, .world_from_camera = *pose, .acceleration = path.acceleration(time)};
+    inertial.attach_to(frame, path);
     if (writing.valid()) writing.get();
     writing = std::async(std::launch::async, [&, i, frame = std::move(frame), images = std::move(images),
                                               color = std::move(color)]() mutable {
@@ -266,7 +278,8 @@ void add_synth(CLI::App& program) {
   command
       ->add_option(
           "--imu", a->imu,
-          "gyroscope.txt (stray-scanner: imu.csv) of an ideal gyroscope or one of a phone's grade, 200 Hz [none]")
+          "Gyroscope and accelerometer at 200 Hz, ideal or of a phone's grade: gyroscope.txt, accelerometer.txt "
+          "(stray-scanner: imu.csv) [none]")
       ->check(one_of({"none", "ideal", "mems"}));
   add_number(*command, "--color-delay", a->color_delay, {-10, 10}, Unit::seconds,
              "Delay of color images after depth images with the same timestamp")

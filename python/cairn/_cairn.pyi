@@ -164,6 +164,7 @@ class Frame:
         guess: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         gyro: ArrayLike | None = None,
+        accelerations: ArrayLike | None = None,
         held_out: bool = False,
     ) -> None: ...
     @property
@@ -190,6 +191,8 @@ class Frame:
     def acceleration(self) -> NDArray[np.float64] | None: ...
     @property
     def gyro(self) -> NDArray[np.float64]: ...
+    @property
+    def accelerations(self) -> NDArray[np.float64]: ...
     @property
     def held_out(self) -> bool: ...
     @held_out.setter
@@ -767,6 +770,7 @@ class Mapper:
         guess: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
         gyro: ArrayLike | None = None,
+        accelerations: ArrayLike | None = None,
         held_out: bool = False,
     ) -> FrameReport: ...
     def begin_recording(self) -> None: ...

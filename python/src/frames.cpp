@@ -128,18 +128,19 @@ void fill_confidence(SizedFrame& to, const py::object& value) {
   to.frame.confidence.assign(bytes.data(), bytes.data() + bytes.size());
 }
 
-std::vector<AngularRate> rates_of(const py::object& value) {
+/// Samples `timestamp x y z` of a sensor.
+template <class Sample>
+std::vector<Sample> samples_of(const py::object& value, const char* name, const char* unit) {
   if (value.is_none()) return {};
   const auto numbers = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(value);
   if (!numbers || numbers.ndim() != 2 || numbers.shape(1) != 4) {
     PyErr_Clear();
-    throw py::value_error("gyro is " + description_of(value) +
-                          "; (N, 4) is expected: seconds, and rad/s about x, y, z");
+    throw py::value_error(name + (" is " + description_of(value)) + "; (N, 4) is expected: seconds, and " + unit);
   }
-  std::vector<AngularRate> rates;
+  std::vector<Sample> samples;
   for (py::ssize_t i = 0; i < numbers.shape(0); ++i)
-    rates.push_back({numbers.at(i, 0), {numbers.at(i, 1), numbers.at(i, 2), numbers.at(i, 3)}});
-  return rates;
+    samples.push_back({numbers.at(i, 0), {numbers.at(i, 1), numbers.at(i, 2), numbers.at(i, 3)}});
+  return samples;
 }
 
 double time_of(const py::object& value) {
@@ -169,12 +170,15 @@ py::object confidence_of(const py::object& self) {
   return view(f.frame.confidence.data(), {f.depth_size[0], f.depth_size[1]}, self);
 }
 
-Doubles gyro_of(const SizedFrame& f) {
-  Doubles rates({static_cast<py::ssize_t>(f.frame.gyro.size()), py::ssize_t{4}});
-  double* to = rates.mutable_data();
-  for (const AngularRate& r : f.frame.gyro)
-    for (const double number : {r.timestamp, r.rate.x(), r.rate.y(), r.rate.z()}) *to++ = number;
-  return rates;
+template <class Sample>
+Doubles to_rows(const std::vector<Sample>& samples, Eigen::Vector3d Sample::*value) {
+  Doubles rows({static_cast<py::ssize_t>(samples.size()), py::ssize_t{4}});
+  double* to = rows.mutable_data();
+  for (const Sample& sample : samples) {
+    const Eigen::Vector3d& v = sample.*value;
+    for (const double number : {sample.timestamp, v.x(), v.y(), v.z()}) *to++ = number;
+  }
+  return rows;
 }
 
 }  // namespace
@@ -198,14 +202,15 @@ void fill(SizedFrame& to, const FrameParts& parts, int index, const Rig* rig) {
   to.frame.guess = optional_pose_of(parts.guess, "guess");
   to.frame.acceleration.reset();
   if (!parts.acceleration.is_none()) to.frame.acceleration = vector_of(parts.acceleration, "acceleration");
-  to.frame.gyro = rates_of(parts.gyro);
+  to.frame.gyro = samples_of<AngularRate>(parts.gyro, "gyro", "rad/s about x, y, z");
+  to.frame.accelerations = samples_of<Acceleration>(parts.accelerations, "accelerations", "m/s^2 along x, y, z");
   to.frame.held_out = parts.held_out;
 }
 
 void add_frames(py::module_& m) {
   py::class_<SizedFrame, std::shared_ptr<SizedFrame>>(
       m, "Frame",
-      R"(Frame(depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
+      R"(Frame(depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, accelerations=None, held_out=False)
 --
 
 One RGB-D frame.
@@ -214,25 +219,27 @@ depth: (rows, columns), float32 meters along z, or uint16 with depth_scale in un
 color: (rows, columns, 3 or 4) uint8, R, G, B (sRGB). time: seconds, increasing from frame to frame. confidence: uint8
 of depth's shape, 0 to 255 (certain). color_delay: seconds from the depth timestamp to the color timestamp. pose: (4,
 4), world_from_camera, if known. guess: (4, 4), world_from_camera of an external odometry, in its own world frame.
-acceleration: (3,), accelerometer reading, m/s^2 in the camera's frame; at rest 9.81 upward. gyro: (N, 4), seconds and
-rad/s about x, y, z, since the previous frame. held_out: for evaluation; a Mapper estimates the pose but does not add
-the frame to the map.)")
+acceleration: (3,), mean accelerometer reading, m/s^2 in the camera's frame; at rest 9.81 upward. gyro: (N, 4), seconds
+and rad/s about x, y, z, since the previous frame; accelerations: (N, 4), seconds and m/s^2 in the camera's frame, same.
+held_out: for evaluation; a Mapper estimates the pose but does not add the frame to the map.)")
       .def(
           py::init([](py::object depth, py::object color, py::object time, int index, py::object depth_scale,
                       py::object confidence, double color_delay, py::object pose, py::object guess,
-                      py::object acceleration, py::object gyro, bool held_out) {
+                      py::object acceleration, py::object gyro, py::object accelerations, bool held_out) {
             auto frame = std::make_shared<SizedFrame>();
             fill(*frame,
                  {std::move(depth), std::move(color), std::move(time), std::move(depth_scale), std::move(confidence),
-                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), color_delay, held_out},
+                  std::move(pose), std::move(guess), std::move(acceleration), std::move(gyro), std::move(accelerations),
+                  color_delay, held_out},
                  index, nullptr);
             return frame;
           }),
           py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
           py::arg("index") = 0, py::arg("depth_scale") = py::none(), py::arg("confidence") = py::none(),
           py::arg("color_delay") = 0.0, py::arg("pose") = py::none(), py::arg("guess") = py::none(),
-          py::arg("acceleration") = py::none(), py::arg("gyro") = py::none(), py::arg("held_out") = false,
-          R"(__init__(self, depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
+          py::arg("acceleration") = py::none(), py::arg("gyro") = py::none(), py::arg("accelerations") = py::none(),
+          py::arg("held_out") = false,
+          R"(__init__(self, depth, color=None, *, time, index=0, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, accelerations=None, held_out=False)
 --
 
 )")
@@ -263,7 +270,12 @@ the frame to the map.)")
             return f.frame.acceleration ? py::object(to_numpy(*f.frame.acceleration)) : py::none();
           },
           "(3,) float64, m/s^2 in the camera's frame, or None.")
-      .def_property_readonly("gyro", &gyro_of, "(N, 4) float64, seconds and rad/s about x, y, z.")
+      .def_property_readonly(
+          "gyro", [](const SizedFrame& f) { return to_rows(f.frame.gyro, &AngularRate::rate); },
+          "(N, 4) float64, seconds and rad/s about x, y, z.")
+      .def_property_readonly(
+          "accelerations", [](const SizedFrame& f) { return to_rows(f.frame.accelerations, &Acceleration::value); },
+          "(N, 4) float64, seconds and m/s^2 in the camera's frame.")
       .def_property(
           "held_out", [](const SizedFrame& f) { return f.frame.held_out; },
           [](SizedFrame& f, bool held_out) { f.frame.held_out = held_out; },

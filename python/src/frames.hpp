@@ -20,7 +20,7 @@ struct SizedFrame {
 
 /// Arguments of a frame from Python.
 struct FrameParts {
-  py::object depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro;
+  py::object depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro, accelerations;
   double color_delay = 0;
   bool held_out = false;
 };

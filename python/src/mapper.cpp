@@ -42,14 +42,17 @@ FrameReport add_frame(GuardedMapper& m, const Frame& frame) {
 /// Copies arrays into the mapper's own memory, unless another thread uses it.
 FrameReport add(GuardedMapper& m, const py::object& depth, const py::object& color, const py::object& time,
                 const py::object& depth_scale, const py::object& confidence, double color_delay, const py::object& pose,
-                const py::object& guess, const py::object& acceleration, const py::object& gyro, bool held_out) {
+                const py::object& guess, const py::object& acceleration, const py::object& gyro,
+                const py::object& accelerations, bool held_out) {
   if (py::isinstance<SizedFrame>(depth)) {
     const auto frame = depth.cast<std::shared_ptr<SizedFrame>>();
     m.next = frame->frame.index + 1;
     return add_frame(m, frame->frame);
   }
   SizedFrame frame = std::exchange(m.scratch, {});
-  fill(frame, {depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro, color_delay, held_out},
+  fill(frame,
+       {depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro, accelerations, color_delay,
+        held_out},
        m.next, &m.mapper.rig());
   ++m.next;
   FrameReport report = add_frame(m, frame.frame);
@@ -216,8 +219,8 @@ device.)")
           "add", &add, py::arg("depth"), py::arg("color") = py::none(), py::kw_only(), py::arg("time") = py::none(),
           py::arg("depth_scale") = py::none(), py::arg("confidence") = py::none(), py::arg("color_delay") = 0.0,
           py::arg("pose") = py::none(), py::arg("guess") = py::none(), py::arg("acceleration") = py::none(),
-          py::arg("gyro") = py::none(), py::arg("held_out") = false,
-          R"(add(self, depth, color=None, *, time=None, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, held_out=False)
+          py::arg("gyro") = py::none(), py::arg("accelerations") = py::none(), py::arg("held_out") = false,
+          R"(add(self, depth, color=None, *, time=None, depth_scale=None, confidence=None, color_delay=0.0, pose=None, guess=None, acceleration=None, gyro=None, accelerations=None, held_out=False)
 --
 
 Tracks and fuses the next frame, a Frame or images with their time (see Frame for shapes and units). Returns a

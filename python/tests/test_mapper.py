@@ -88,6 +88,7 @@ WRONG: List[Any] = [
     ({"depth": DEPTH, "pose": 2 * np.eye(4)}, ValueError, "pose is not a rigid transform: a rotation, a translation"),
     ({"depth": DEPTH, "pose": "north"}, TypeError, "pose is "),
     ({"depth": DEPTH, "gyro": np.zeros(4)}, ValueError, r"gyro is float64 of shape \(4,\); \(N, 4\) is expected"),
+    ({"depth": DEPTH, "accelerations": [1, 2]}, ValueError, r"accelerations is a list; \(N, 4\) is expected"),
     ({"depth": DEPTH, "acceleration": [1, 2]}, ValueError, "a vector of three numbers is expected"),
 ]
 

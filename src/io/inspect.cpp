@@ -50,7 +50,7 @@ void add_frame(const Frame& frame, Statistics& statistics, SourceSummary& summar
     statistics.delays.push_back(frame.color_delay);
   }
   summary.with_pose += frame.world_from_camera.has_value();
-  summary.with_acceleration += frame.acceleration.has_value();
+  summary.with_acceleration += frame.acceleration.has_value() || !frame.accelerations.empty();
   summary.with_gyroscope += !frame.gyro.empty();
   summary.with_confidence += !frame.confidence.empty();
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 #include <stdexcept>
 
 #include "base/lines.hpp"
@@ -15,6 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, to average out hand shake
+constexpr double kSameTime = 1e-5;            // seconds
 
 /// Reads lines `timestamp x y z`, sorted by time.
 std::vector<AngularRate> read_samples(const fs::path& file, const char* axes, double units_per_second) {
@@ -30,17 +32,34 @@ std::vector<AngularRate> read_samples(const fs::path& file, const char* axes, do
   return samples;
 }
 
-/// Mean acceleration in the camera frame. A Kinect's accelerometer has y up and z forward: half a turn about z maps to
-/// the camera frame.
-std::optional<Eigen::Vector3d> mean_around(const std::vector<AngularRate>& samples, double timestamp) {
+/// Accelerations in the camera frame. A Kinect's accelerometer has y up and z forward: half a turn about z maps to the
+/// camera frame.
+std::vector<Acceleration> read_accelerations(const fs::path& file, double units_per_second) {
+  std::vector<Acceleration> accelerations;
+  for (const AngularRate& s : read_samples(file, "ax ay az", units_per_second))
+    accelerations.push_back({s.timestamp, {-s.rate.x(), -s.rate.y(), s.rate.z()}});
+  return accelerations;
+}
+
+std::optional<Eigen::Vector3d> mean_around(const std::vector<Acceleration>& samples, double timestamp) {
   auto it = std::lower_bound(samples.begin(), samples.end(), timestamp - kAccelerationWindow,
-                             [](const AngularRate& a, double t) { return a.timestamp < t; });
+                             [](const Acceleration& a, double t) { return a.timestamp < t; });
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   int count = 0;
-  for (; it != samples.end() && it->timestamp <= timestamp + kAccelerationWindow; ++it, ++count) sum += it->rate;
+  for (; it != samples.end() && it->timestamp <= timestamp + kAccelerationWindow; ++it, ++count) sum += it->value;
   if (count == 0) return std::nullopt;
-  sum.head<2>() *= -1;
   return sum / count;
+}
+
+/// True if most samples have the time of an image: means around the images instead of samples.
+bool are_means(const std::vector<Acceleration>& samples, const std::vector<Recording::Entry>& entries) {
+  std::set<double> times;
+  for (const auto& entry : entries) times.insert(entry.timestamp);
+  const auto means = std::count_if(samples.begin(), samples.end(), [&](const Acceleration& sample) {
+    const auto next = times.lower_bound(sample.timestamp - kSameTime);
+    return next != times.end() && *next <= sample.timestamp + kSameTime;
+  });
+  return 2 * means > static_cast<std::ptrdiff_t>(samples.size());
 }
 
 }  // namespace
@@ -59,9 +78,11 @@ void add_motion(const fs::path& folder, Recording& recording, double units_per_s
     return disjoint;
   };
   if (const fs::path file = folder / "accelerometer.txt"; fs::exists(file)) {
-    const auto samples = read_samples(file, "ax ay az", units_per_second);
-    if (!is_disjoint(samples, "accelerometer.txt"))
+    std::vector<Acceleration> samples = read_accelerations(file, units_per_second);
+    if (!is_disjoint(samples, "accelerometer.txt")) {
       for (auto& entry : recording.entries) entry.acceleration = mean_around(samples, entry.timestamp);
+      if (!are_means(samples, recording.entries)) recording.accelerations = std::move(samples);
+    }
   }
   if (const fs::path file = folder / "gyroscope.txt"; fs::exists(file)) {
     recording.gyro = read_samples(file, "rx ry rz", units_per_second);

@@ -224,6 +224,9 @@ class RecordingSource final : public Source {
     const double read_out = entry.timestamp + 0.5 * recording_.rig.depth.readout;
     for (; gyro_ < recording_.gyro.size() && recording_.gyro[gyro_].timestamp <= read_out; ++gyro_)
       frame.gyro.push_back(recording_.gyro[gyro_]);
+    const auto& accelerations = recording_.accelerations;
+    for (; acceleration_ < accelerations.size() && accelerations[acceleration_].timestamp <= read_out; ++acceleration_)
+      frame.accelerations.push_back(accelerations[acceleration_]);
     std::optional<std::string> color_problem;
     tbb::parallel_invoke(
         [&] {
@@ -380,7 +383,7 @@ class RecordingSource final : public Source {
   std::shared_ptr<const Camera> camera_;  // camera of the current frame
   Camera depth_of_, color_of_;            // cameras of its images
   Resampler depth_resampler_, color_resampler_;
-  std::size_t gyro_ = 0;  // first sample not yet assigned to a frame
+  std::size_t gyro_ = 0, acceleration_ = 0;  // first samples not yet assigned to a frame
   double last_timestamp_ = -INFINITY;
   int colorless_ = 0;  // frames with an unusable color image
   std::string first_colorless_;

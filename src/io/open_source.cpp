@@ -43,14 +43,19 @@ class InRange final : public WrappedSource {
   }
   std::optional<Frame> next() override {
     if (range_.end && next_ >= *range_.end) return std::nullopt;
-    std::vector<AngularRate> gyro;  // samples of the skipped frames
+    Frame skipped;  // samples of the skipped frames
     while (auto frame = source_->next()) {
       if (read_++ == next_) {
         next_ += range_.step;
-        frame->gyro.insert(frame->gyro.begin(), gyro.begin(), gyro.end());
+        frame->gyro.insert(frame->gyro.begin(), skipped.gyro.begin(), skipped.gyro.end());
+        frame->accelerations.insert(frame->accelerations.begin(), skipped.accelerations.begin(),
+                                    skipped.accelerations.end());
         return frame;
       }
-      if (read_ > range_.begin) gyro.insert(gyro.end(), frame->gyro.begin(), frame->gyro.end());
+      if (read_ <= range_.begin) continue;
+      skipped.gyro.insert(skipped.gyro.end(), frame->gyro.begin(), frame->gyro.end());
+      skipped.accelerations.insert(skipped.accelerations.end(), frame->accelerations.begin(),
+                                   frame->accelerations.end());
     }
     return std::nullopt;
   }

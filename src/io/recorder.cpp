@@ -31,6 +31,17 @@ bool reproduces(const std::vector<float>& depth, double scale) {
   });
 }
 
+/// Lines of accelerometer.txt: the samples, or their mean, in a Kinect's axes: y up, z forward.
+std::string accelerations_of(const EncodedFrame& frame) {
+  std::string lines;
+  const auto add = [&](double timestamp, const Eigen::Vector3d& a) {
+    lines += fmt::format("{:.6f} {:.6f} {:.6f} {:.6f}\n", timestamp, -a.x(), -a.y(), a.z());
+  };
+  for (const Acceleration& sample : frame.accelerations) add(sample.timestamp, sample.value);
+  if (frame.accelerations.empty() && frame.acceleration) add(frame.timestamp, *frame.acceleration);
+  return lines;
+}
+
 }  // namespace
 
 double exact_depth_scale(const Frame& frame) {
@@ -44,7 +55,8 @@ EncodedFrame encode(const Frame& frame, const Rig& rig, bool color_as_png, doubl
                        .color_delay = frame.color_delay,
                        .color_extension = color_as_png ? ".png" : ".jpg",
                        .acceleration = frame.acceleration,
-                       .gyro = frame.gyro};
+                       .gyro = frame.gyro,
+                       .accelerations = frame.accelerations};
   encoded.depth = encode_depth(frame.depth, rig.depth, depth_scale);
   if (frame.confidence.size() == frame.depth.size())
     encoded.confidence = encode_png(
@@ -82,9 +94,8 @@ void Recorder::add(const EncodedFrame& frame) {
   }
   bytes_ += frame.depth.size() + frame.color.size();
   if (!frame.color.empty()) append("rgb.txt", color_time + " " + color + "\n");
-  if (frame.acceleration)  // in a Kinect's axes: y up, z forward
-    append("accelerometer.txt", fmt::format("{} {:.6f} {:.6f} {:.6f}\n", name, -frame.acceleration->x(),
-                                            -frame.acceleration->y(), frame.acceleration->z()));
+  if (const std::string accelerations = accelerations_of(frame); !accelerations.empty())
+    append("accelerometer.txt", accelerations);
   std::string rates;
   for (const AngularRate& s : frame.gyro)
     rates += fmt::format("{:.6f} {:.8f} {:.8f} {:.8f}\n", s.timestamp, s.rate.x(), s.rate.y(), s.rate.z());

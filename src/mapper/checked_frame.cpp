@@ -45,6 +45,13 @@ CheckedFrame::CheckedFrame(const Frame& given, const Rig& rig, std::optional<dou
     cause_ = FrameCause::partly_used;
     reason_ = "gyroscope rates are not finite: ignored";
   }
+  if (std::any_of(given.accelerations.begin(), given.accelerations.end(),
+                  [](const Acceleration& a) { return !std::isfinite(a.timestamp) || !a.value.allFinite(); })) {
+    if (!corrected_) corrected_ = given;
+    corrected_->accelerations.clear();
+    cause_ = FrameCause::partly_used;
+    reason_ += (reason_.empty() ? "" : "; ") + std::string("accelerations are not finite: ignored");
+  }
   if (const FrameCause cause = unusable(given, rig.depth, previous); cause != FrameCause::none) {
     reject(cause, given.problem.value_or(""));
     return;

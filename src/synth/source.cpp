@@ -138,10 +138,19 @@ Eigen::Vector3d SyntheticPath::angular_rate(double seconds) const {
 
 Eigen::Vector3d SyntheticPath::acceleration(double seconds) const {
   constexpr double kStep = 0.1;  // seconds; recorded positions jitter
-  const auto now = pose(seconds), before = pose(seconds - kStep), after = pose(seconds + kStep);
+  return acceleration(seconds, kStep);
+}
+
+Eigen::Vector3d SyntheticPath::specific_force(double seconds) const {
+  constexpr double kExactStep = 0.001, kRecordedStep = 0.02;  // seconds; a recorded path has corners
+  return acceleration(seconds, recorded_.empty() ? kExactStep : kRecordedStep);
+}
+
+Eigen::Vector3d SyntheticPath::acceleration(double seconds, double step) const {
+  const auto now = pose(seconds), before = pose(seconds - step), after = pose(seconds + step);
   Eigen::Vector3d acceleration(0, -kGravity, 0);
   if (now && before && after)
-    acceleration += (before->translation() - 2 * now->translation() + after->translation()) / (kStep * kStep);
+    acceleration += (before->translation() - 2 * now->translation() + after->translation()) / (step * step);
   return now ? now->linear().transpose() * acceleration : acceleration;
 }
 

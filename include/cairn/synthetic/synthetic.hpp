@@ -29,10 +29,15 @@ class SyntheticPath {
   [[nodiscard]] std::optional<Eigen::Isometry3d> pose(double seconds) const;
   /// Simulated accelerometer reading in the camera: see Frame::acceleration.
   [[nodiscard]] Eigen::Vector3d acceleration(double seconds) const;
+  /// Simulated specific force at a time, without averaging: see Acceleration::value.
+  [[nodiscard]] Eigen::Vector3d specific_force(double seconds) const;
   /// Simulated gyroscope reading in the camera: rad/s, in the camera's frame.
   [[nodiscard]] Eigen::Vector3d angular_rate(double seconds) const;
 
  private:
+  /// From second differences with a step in seconds.
+  [[nodiscard]] Eigen::Vector3d acceleration(double seconds, double step) const;
+
   Scene scene_;
   Trajectory recorded_;  ///< in the scene's world frame
 };

@@ -18,6 +18,7 @@
 
 #include "base/image_file.hpp"
 #include "base/lines.hpp"
+#include "base/median.hpp"
 #include "base/read_whole.hpp"
 #include "base/words.hpp"
 #include "io/recording.hpp"
@@ -253,6 +254,29 @@ std::vector<AngularRate> read_gyroscope(const fs::path& file, double begin, doub
   return {};
 }
 
+/// Reads the accelerometer of a file that has its columns, in axes of the camera. Core Motion's sign is the opposite of
+/// the specific force; some versions of the app write units of g.
+std::vector<Acceleration> read_accelerometer(const fs::path& file, double begin, double end) {
+  constexpr double kGravity = 9.80665, kMaxNormInG = 3;  // m/s^2; median norm
+  std::vector<Acceleration> samples;
+  try {
+    (void)for_each_line_of(file, {"timestamp", "a_x", "a_y", "a_z"}, [&](int, const std::vector<double>& v) {
+      samples.push_back({v[0], -(camera_from_phone() * Eigen::Vector3d(v[1], v[2], v[3]))});
+    });
+  } catch (const std::runtime_error&) {
+    return {};  // the gyroscope alone, with its own messages
+  }
+  if (samples.empty()) return samples;
+  std::stable_sort(samples.begin(), samples.end(),
+                   [](const Acceleration& a, const Acceleration& b) { return a.timestamp < b.timestamp; });
+  if (samples.back().timestamp < begin || samples.front().timestamp > end) return {};
+  std::vector<double> norms;
+  for (const Acceleration& sample : samples) norms.push_back(sample.value.norm());
+  if (median(norms) < kMaxNormInG)
+    for (Acceleration& sample : samples) sample.value *= kGravity;
+  return samples;
+}
+
 /// True if the gyroscope, rotated by `camera_from_imu`, matches the rotation of the poses, and the rotation is large
 /// enough to exclude other axes.
 bool fits(const std::vector<AngularRate>& gyro, const Trajectory& poses, const Eigen::Quaterniond& camera_from_imu) {
@@ -370,6 +394,9 @@ std::optional<Recording> read_stray_scanner(const fs::path& folder) {
   if (const auto imu = folder / "imu.csv"; fs::exists(imu) && !recording.truth.empty()) {
     recording.gyro = read_gyroscope(imu, recording.truth.front().timestamp, recording.truth.back().timestamp);
     if (fits(recording.gyro, recording.truth, camera_from_phone())) recording.rig.camera_from_imu = camera_from_phone();
+    if (!recording.gyro.empty())
+      recording.accelerations =
+          read_accelerometer(imu, recording.truth.front().timestamp, recording.truth.back().timestamp);
   }
   if (video) recording.color_of = [video](int i) { return video->color(i); };
   return recording;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <deque>
 #include <iterator>
 #include <opencv2/core.hpp>
 #include <stdexcept>
@@ -63,15 +64,28 @@ class StrayScannerWriter final : public LayoutWriter {
     const Eigen::Quaterniond phone_from_camera = camera_from_phone().conjugate();
     const Eigen::Quaterniond phone_from_imu =
         phone_from_camera * files_.rig().camera_from_imu.value_or(camera_from_phone());
-    const Eigen::Vector3d a = phone_from_camera * -frame.acceleration.value_or(Eigen::Vector3d::Zero());
+    const Eigen::Vector3d mean = frame.acceleration.value_or(Eigen::Vector3d::Zero());
+    accelerations_.insert(accelerations_.end(), frame.accelerations.begin(), frame.accelerations.end());
     for (const AngularRate& sample : frame.gyro) {
       const Eigen::Vector3d rate = phone_from_imu * sample.rate;
+      const Eigen::Vector3d a = phone_from_camera * -acceleration_at(sample.timestamp).value_or(mean);
       motion_ += fmt::format("{}, {}, {}, {}, {}, {}, {}\n", sample.timestamp, a.x(), a.y(), a.z(), rate.x(), rate.y(),
                              rate.z());
     }
   }
+  /// Interpolated sample, or the nearest one; empty without samples.
+  [[nodiscard]] std::optional<Eigen::Vector3d> acceleration_at(double time) {
+    while (accelerations_.size() > 1 && accelerations_[1].timestamp <= time) accelerations_.pop_front();
+    if (accelerations_.empty()) return std::nullopt;
+    const Acceleration& before = accelerations_.front();
+    if (accelerations_.size() == 1 || time <= before.timestamp) return before.value;
+    const Acceleration& after = accelerations_[1];
+    const double share = (time - before.timestamp) / (after.timestamp - before.timestamp);
+    return before.value + share * (after.value - before.value);
+  }
   ImageFolder files_;
   VideoWriter video_;
+  std::deque<Acceleration> accelerations_;  // not yet written
   int count_ = 0;
   std::string odometry_, motion_;
 };

@@ -7,6 +7,7 @@
 
 #include <opencv2/imgcodecs.hpp>
 
+#include "cairn/io/recorder.hpp"
 #include "cairn/io/source.hpp"
 #include "support/files.hpp"
 
@@ -49,6 +50,53 @@ struct Tum {
     return frames;
   }
 };
+
+TEST(TumRecording, PassesEachAccelerometerSampleOn) {
+  const Tum tum;
+  std::string samples;
+  for (int i = 0; i < 40; ++i) samples += fmt::format("{:.4f} {} 9.81 3\n", 0.0025 + 0.01 * i, i);
+  write_text(tum.folder / "accelerometer.txt", samples);
+  const auto frames = tum.read();
+  ASSERT_EQ(frames[1].accelerations.size(), 10u);
+  EXPECT_DOUBLE_EQ(frames[1].accelerations[0].timestamp, 0.0025);
+  EXPECT_EQ(frames[2].accelerations[3].value, Eigen::Vector3d(-13, -9.81, 3));
+  // Means at the times of the images, as written for frames without samples.
+  write_text(tum.folder / "accelerometer.txt", "0 0 9.81 0\n0.1 0 9.81 0\n0.2 0 9.81 0\n0.3 0 9.81 0\n");
+  for (const Frame& frame : tum.read()) {
+    EXPECT_TRUE(frame.accelerations.empty());
+    EXPECT_TRUE(frame.acceleration);
+  }
+}
+
+TEST(TumRecording, KeepsAccelerometerSamplesOfSkippedFrames) {
+  const Tum tum;
+  std::string samples;
+  for (int i = 0; i < 40; ++i) samples += fmt::format("{:.4f} 0 9.81 0\n", 0.0025 + 0.01 * i);
+  write_text(tum.folder / "accelerometer.txt", samples);
+  EXPECT_EQ(tum.read({.step = 2}).at(1).accelerations.size(), 20u);
+}
+
+TEST(TumRecording, ReadsRecordedAccelerometerSamples) {
+  const TemporaryFolder folder;
+  const Camera camera{64, 48, 50, 50, 31.5, 23.5, {}};
+  const std::vector<float> depth(64 * 48, 1.0f);
+  Recorder recorder(folder / "recording", camera);
+  for (int i = 0; i < 4; ++i) {
+    Frame frame{.index = i, .timestamp = 0.1 * i, .depth = depth};
+    frame.color.assign(64 * 48, 0xff102030u);
+    frame.acceleration = Eigen::Vector3d(1, -9.81, 2);
+    for (int k = 1; k <= 5; ++k)
+      frame.accelerations.push_back({0.1 * i - 0.1 + 0.02 * k - 0.003, Eigen::Vector3d(k, -9.81, 2)});
+    recorder.add(encode(frame, camera));
+  }
+  const auto source = open_recording(folder / "recording", {});
+  ASSERT_EQ(source->next()->accelerations.size(), 5u);
+  const auto frame = source->next();
+  ASSERT_EQ(frame->accelerations.size(), 5u);
+  EXPECT_NEAR(frame->accelerations[1].timestamp, 0.037, 1e-9);
+  EXPECT_EQ(frame->accelerations[1].value, Eigen::Vector3d(2, -9.81, 2));
+  EXPECT_TRUE(frame->acceleration);
+}
 
 TEST(TumRecording, ReadsDepthInMetersAndColor) {
   const auto frames = Tum().read();

@@ -130,6 +130,30 @@ std::string motion_of(const Scan& scan, bool in_phones_axes = true) {
   return text;
 }
 
+TEST(StrayScanner, ReadsTheAccelerometerInTheCamerasAxes) {
+  const Scan scan;
+  // Core Motion measures -1 g along the axis that points up: here z, out of the screen and against the camera's view.
+  for (const bool is_in_g : {false, true}) {
+    std::string motion = motion_of(scan);
+    if (is_in_g)
+      for (std::size_t at = 0; (at = motion.find("-9.81", at)) != std::string::npos;) motion.replace(at, 5, "-1.00");
+    write_text(scan.folder / "imu.csv", motion);
+    const auto source = scan.open();
+    ASSERT_TRUE(source->next()->accelerations.empty());
+    const auto frame = source->next();
+    ASSERT_EQ(frame->accelerations.size(), 10u);
+    EXPECT_EQ(frame->accelerations[0].timestamp, frame->gyro[0].timestamp);
+    EXPECT_LT((frame->accelerations[0].value - Eigen::Vector3d(0, 0, -9.81)).norm(), 0.01) << is_in_g;
+    EXPECT_FALSE(frame->acceleration);
+  }
+  write_text(scan.folder / "imu.csv", "timestamp, alpha_x, alpha_y, alpha_z\n5000.05, 0, 0, 0\n");
+  const auto source = scan.open();
+  ASSERT_TRUE(source->next());
+  const auto frame = source->next();
+  EXPECT_EQ(frame->gyro.size(), 1u);
+  EXPECT_TRUE(frame->accelerations.empty());
+}
+
 TEST(StrayScanner, ReadsGyroscopeWithKnownRotation) {
   const Scan scan;
   EXPECT_FALSE(scan.open()->rig().camera_from_imu);
