@@ -49,7 +49,7 @@ void add_view(CLI::App& program) {
   command
       ->add_option("MAP", a->map,
                    "Folder written by reconstruct, live or merge, a project with tiles, or a .glb, .gltf, .ply, "
-                   ".vdb or tileset.json file")
+                   ".spz, .vdb or tileset.json file")
       ->required()
       ->check(CLI::ExistingPath);
   add_view_options(*command, *a);

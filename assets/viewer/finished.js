@@ -5,6 +5,7 @@ import { element, setStatus } from './dom.js';
 import { readFields } from './fields.js';
 import { loadModel } from './model.js';
 import { fillPanel, framesInWords, kLevels, levelOf } from './panel.js';
+import { readSpz, Splats } from './splats.js';
 import { Tiles } from './tiles.js';
 import { addTools } from './tools.js';
 
@@ -116,7 +117,7 @@ export async function showFinished(scene, data, fold) {
   document.title = `${data.name} – Cairn`;
   if (report) setStatus(levelOf(report), framesInWords(report));
   else if (data.verdict) setStatus(kLevels[data.verdict.level] ?? 'weak', data.verdict.words);
-  else setStatus('good', data.tileset ? 'A building in tiles' : 'A mesh without a report');
+  else setStatus('good', data.tileset ? 'A building in tiles' : data.mesh ? 'A mesh without a report' : 'Gaussian splats');
   const showPath = () => {
     scene.setPath(new Float32Array(trajectory.flatMap(([t, x, y, z]) => [t - begin, x, y, z])));
     scene.setLoops((report?.loops ?? []).filter((loop) => loop.inlier).map((loop) => [loop.from - begin, loop.to - begin]));
@@ -143,14 +144,16 @@ export async function showFinished(scene, data, fold) {
     }
   }
   if (data.tileset) await showTiles(scene, data, panel);
+  const loadSplats = data.splats && (async () => new Splats(await readSpz(await fetched(data.splats))));
   if (!isSeen) {
+    if (loadSplats && !data.tileset) scene.setSplats(await loadSplats());
     await seen();
-    if (!data.tileset) {
+    if (!data.tileset && !scene.splats) {
       document.getElementById('scene').append(element('div', { id: 'empty' }, 'No surface'));
       fold.show(true);  // with the reasons
     }
   }
-  addTools(scene, data, fieldsOf(data), fold, data.splats && (() => fetched(data.splats)));
+  addTools(scene, data, fieldsOf(data), fold, loadSplats);
   await scene.shown();
   performance.mark('complete');
 }

@@ -421,7 +421,7 @@ export class Scene {
   }
 
   lookAtAll() {
-    const box = this.model ? this.box : new THREE.Box3().setFromObject(this.world);
+    const box = this.model ? this.box : this.splats?.box ?? new THREE.Box3().setFromObject(this.world);
     if (box.isEmpty()) return;
     const middle = box.getCenter(new THREE.Vector3()), away = new THREE.Vector3(0.35, 0.8, 1).normalize();
     this.place(middle.clone().add(away), middle);

@@ -9,6 +9,7 @@ const kBytes = { position: 9, opacity: 1, color: 3, scale: 3 };
 const kColorScale = 0.15, kHarmonic0 = 0.28209479177387814;
 const kTexelsPerSplat = 4, kSplatsPerRow = 256;
 const kSortBits = 16;
+const kOutliers = 0.02;  // share of the splats outside of the bounds, at each end of an axis
 const kMinTurn = 0.02, kMinShift = 0.02;  // radians, meters: camera motion before the splats are sorted again
 
 async function unpacked(buffer) {
@@ -151,6 +152,15 @@ export class Splats {
     this.keys = new Uint16Array(count);
     this.starts = new Uint32Array(1 << kSortBits);
     this.sortedFrom = null;
+  }
+
+  /** Bounds of most splats: without background. */
+  get box() {
+    const at = (share) => new THREE.Vector3(...[0, 1, 2].map((k) => {
+      const values = Float32Array.from({ length: this.count }, (_, i) => this.positions[3 * i + k]).sort();
+      return values[Math.floor(share * (this.count - 1))];
+    }));
+    return new THREE.Box3(at(kOutliers), at(1 - kOutliers));
   }
 
   /** Before each frame: sorts the splats if the camera has moved, and clips them by `planes`. */

@@ -10,7 +10,6 @@ import { Ruler } from './ruler.js';
 import { upright } from './scene.js';
 import { Section, wallsTurn } from './section.js';
 import { Slice } from './slice.js';
-import { readSpz, Splats } from './splats.js';
 import { Surface } from './surface.js';
 import { Toolbar } from './toolbar.js';
 import { Walk } from './walk.js';
@@ -64,7 +63,7 @@ function addSplats(scene, bar, load) {
       isLoading = true;
       button.setAttribute('aria-busy', 'true');
       try {
-        scene.setSplats(new Splats(await readSpz(await load())));
+        scene.setSplats(await load());
       } catch (error) {
         document.getElementById('panel').prepend(element('div', { className: 'warning' }, `The splats are not shown here: ${error.message}`));
       }
@@ -116,7 +115,7 @@ export function addTools(scene, data, fields, fold, loadSplats) {
     grid.setAttribute('aria-pressed', 'false');
     doubleClicks(scene, surface);
   }
-  if (loadSplats) addSplats(scene, bar, loadSplats);
+  if (loadSplats && hasMesh) addSplats(scene, bar, loadSplats);
   bar.add({ name: 'Save a picture', label: 'Picture', key: 'x', symbol: 'picture', press: () => savePicture(scene, data.name) });
   if (document.fullscreenEnabled) {  // not on an iPhone
     const full = bar.add({ name: 'Full screen', label: 'Full', key: 'f', symbol: 'full', press: toggleFullScreen });

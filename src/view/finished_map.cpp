@@ -153,15 +153,14 @@ std::vector<double> keyframe_times(const Json& report) {
   return times;
 }
 
-/// Splats as .spz, the only format that the page reads.
+}  // namespace
+
 Served served_splats(const fs::path& file) {
   const std::string type = content_type_of("splats.spz");
   if (extension_of(file) == ".spz") return {.content_type = type, .body = file};
   return {.content_type = type,
           .body = once([file]() -> Content { return std::make_shared<const Text>(spz_of(read_splats(file))); })};
 }
-
-}  // namespace
 
 struct FinishedMap::State {
   explicit State(const fs::path& f)

@@ -37,7 +37,10 @@ class FinishedMap {
   std::shared_ptr<const State> state_;
 };
 
-/// Data of a single file: .glb, .gltf, .ply or .vdb. Formats unknown to browsers are converted to glTF first.
+/// Gaussian splats as .spz, the only format of splats that the page reads.
+[[nodiscard]] Served served_splats(const std::filesystem::path& file);
+
+/// Data of a single file: .glb, .gltf, .ply, .vdb or splats. Formats unknown to browsers are converted to glTF first.
 /// Throws std::runtime_error for a file that cannot be read.
 [[nodiscard]] std::map<std::string, Served> served_file(const std::filesystem::path& file);
 

@@ -17,6 +17,7 @@
 #include "base/read_whole.hpp"
 #include "cairn/mapping/map.hpp"
 #include "cairn/mapping/mesh.hpp"
+#include "cairn/mapping/splats.hpp"
 #include "mesh/gltf.hpp"
 #include "net/file_below.hpp"
 #include "view/downloads.hpp"
@@ -89,7 +90,7 @@ void add_gltf(const fs::path& file, Files& files) {
       file.string() + ": '" + file.extension().string() + "' cannot be shown; " +
       (is_written ? "write the same map as .glb and view that: cairn export MAP -o " +
                         quoted(fs::path(file).replace_extension(".glb"))
-                  : std::string("give an output folder of cairn, a .glb, .gltf, .ply, .vdb or a tileset.json")));
+                  : std::string("give an output folder of cairn, a .glb, .gltf, .ply, .spz, .vdb or a tileset.json")));
 }
 
 }  // namespace
@@ -104,7 +105,11 @@ Files served_file(const fs::path& given) {
             {"report", nullptr},
             {"trajectory", Json::array()},
             {"mesh", extension == ".gltf" ? "mesh.gltf" : "mesh.glb"}};
-  if (extension == ".glb") {
+  if (has_splats(file)) {
+    data.erase("mesh");
+    data["splats"] = "splats.spz";
+    files["splats.spz"] = served_splats(file);
+  } else if (extension == ".glb") {
     const std::uintmax_t bytes = fs::file_size(file);
     files["mesh.glb"] = {.content_type = content_type_of("mesh.glb"), .body = file};
     data["mesh_bytes"] = bytes;

@@ -2,7 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Gaussian splats beside the mesh of a finished map.
 import assert from 'node:assert/strict';
-import { rmSync, writeFileSync } from 'node:fs';
+import { renameSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import test from 'node:test';
 import { Program, inFolder, isAccessible, pictures, run, timeline, until, withBrowser } from './browser.mjs';
@@ -57,8 +57,16 @@ test('splats have the place and the colors of the mesh, and a key shows either',
         assert.equal(await button.getAttribute('aria-pressed'), 'false');
         assert.ok(difference(mesh, await cells(page)) < 0.5);
       });
-      if (name === 'splats.ply') rmSync(join(out, name));
+      if (name === 'splats.ply') renameSync(join(out, name), join(folder, name));
     }
+    for (const file of [join(folder, 'splats.ply'), join(out, 'splats.spz')])
+      await withMap(open, file, async (page) => {
+        assert.equal(await page.locator('#status').textContent(), 'Gaussian splats');
+        assert.equal(await page.locator('#empty').count(), 0);
+        const before = await cells(page), colors = new Set(before.map((value) => value >> 4));
+        assert.ok(colors.size > 8, 'the picture is empty');
+        await page.keyboard.press('a');
+      });
     // Damaged splats leave the rest of the page as it is.
     writeFileSync(join(out, 'splats.spz'), 'damaged');
     await withMap(open, out, async (page) => {
