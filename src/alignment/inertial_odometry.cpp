@@ -48,8 +48,8 @@ constexpr double kPassedNoise = 0.01, kPassedRotation = 0.1, kPassedPosition = 0
 constexpr double kFailedNoise = 0.02, kFailedRotation = 0.5, kFailedPosition = 0.8;
 // Noise scale: max. error of a test in variances, and exponent of its factor.
 constexpr double kMaxNoiseChange = 16, kNoiseAdaption = 0.25, kMaxNoiseScale = 16;
-constexpr int kMinPassed = 3;                                        // tests in a row, before predictions are returned
-constexpr std::size_t kTests = 8;                                    // last tests that decide
+constexpr int kMinPassed = 2;      // tests more than twice the failed ones, before predictions are returned
+constexpr std::size_t kTests = 8;  // last tests that decide
 constexpr std::ptrdiff_t kMaxTrustedFailures = 2, kMaxFailures = 4;  // of them: to be trusted, and not contradicted
 constexpr double kChiSquared999 = 22.46;  // 99.9 % of the chi-squared distribution with 6 degrees of freedom
 // Poses in a row, before the filter follows them: before the test, and after it.
@@ -97,6 +97,12 @@ Jacobian pose_jacobian(const Filter& f, const Eigen::Vector3d& rate) {
 
 std::ptrdiff_t failures(const std::vector<bool>& passed) { return std::count(passed.begin(), passed.end(), false); }
 
+/// True if clearly more tests were passed than failed: tracked poses fail, too.
+bool passes(const std::vector<bool>& passed) {
+  const auto count = static_cast<std::ptrdiff_t>(passed.size());
+  return count - 2 * failures(passed) >= kMinPassed;
+}
+
 struct TestMotion {
   double rotation = 0;   // rad
   double deviation = 0;  // m, from a constant velocity
@@ -118,13 +124,11 @@ TestMotion motion_of(const std::vector<TrackedPose>& poses) {
 }
 
 /// Adds the result of a test: passed, failed, or neither.
-void add_test(double error, double motion, double passed_share, double failed_share, std::vector<bool>& results,
-              int& passed_in_a_row) {
+void add_test(double error, double motion, double passed_share, double failed_share, std::vector<bool>& results) {
   const bool passed = error <= kPassedNoise + passed_share * motion;
   if (!passed && error <= kFailedNoise + failed_share * motion) return;
   if (results.size() == kTests) results.erase(results.begin());
   results.push_back(passed);
-  passed_in_a_row = passed ? passed_in_a_row + 1 : 0;
 }
 
 /// Least-squares bias of the gyroscope between the poses, with the errors that remain.
@@ -135,7 +139,7 @@ struct GyroFit {
 
 /// Initial values by linear least squares, see initial_state().
 struct LinearFit {
-  Eigen::Vector3d position, velocity, gravity, acceleration_bias, lever;
+  Eigen::Vector3d velocity, gravity;
   double error = 0;          // m, RMS
   double gravity_sigma = 0;  // m/s^2, along the worst axis
 };
@@ -197,7 +201,7 @@ std::optional<LinearFit> fit_linear(const std::vector<TrackedPose>& poses, const
   normal.diagonal().segment<3>(12).array() += 1 / (kLeverPrior * kLeverPrior);
   const Eigen::LDLT<Normal> solver(normal);
   const Eigen::Matrix<double, 15, 1> x = solver.solve(right);
-  LinearFit fit{x.head<3>(), x.segment<3>(3), x.segment<3>(6), x.segment<3>(9), x.segment<3>(12)};
+  LinearFit fit{x.segment<3>(3), x.segment<3>(6)};
   for (const auto& [rows, value] : equations) fit.error += (value - rows * x).squaredNorm();
   fit.error = std::sqrt(fit.error / static_cast<double>(equations.size()));
   const Normal covariance = solver.solve(Normal::Identity());
@@ -363,10 +367,9 @@ std::optional<InertialOdometry::Filter> InertialOdometry::initial_state() {
   Filter f;
   f.timestamp = poses.front().timestamp;
   f.rotation = Eigen::Quaterniond(poses.front().world_from_camera.linear());
-  f.position = linear->position, f.velocity = linear->velocity;
+  f.position = poses.front().world_from_camera.translation(), f.velocity = linear->velocity;
   f.gravity = kGravity * linear->gravity.normalized();
-  f.bias = {gyro->bias, linear->acceleration_bias};
-  f.lever = linear->lever;
+  f.bias.gyro = gyro->bias;
   const std::pair<int, double> priors[] = {{kGyro, kGyroPrior}, {kAcceleration, kAccelerationPrior}};
   for (const auto& [at, sigma] : priors) set_prior(f.covariance, at, 3, sigma);
   set_prior(f.covariance, kExtrinsic, 3, kExtrinsicPrior);
@@ -408,7 +411,8 @@ void InertialOdometry::update(double timestamp, const Eigen::Isometry3d& pose, c
       s.rejected = 0;
     } else if (++s.rejected >= (s.is_tested ? kMaxRejectedByTested : kMaxRejected)) {
       // The map moved or the camera was found elsewhere: the filter restarts.
-      if (!s.is_tested && (s.failed_starts += kFailedStartsOfReset) >= kMaxFailedStarts) return contradict();
+      const bool has_passed = failures(s.passed_position) < static_cast<std::ptrdiff_t>(s.passed_position.size());
+      if (!has_passed && (s.failed_starts += kFailedStartsOfReset) >= kMaxFailedStarts) return contradict();
       reset_world();
     }
     compare(tracked);
@@ -439,13 +443,10 @@ void InertialOdometry::compare(const TrackedPose& pose) {
       const Vector6d error = error_of(predicted.world_from_camera, pose.world_from_camera);
       adapt_noise(error.dot(Matrix6d(predicted.covariance + pose.covariance).ldlt().solve(error)) / 6);
       if (motion.rotation > kMinTestRotation)
-        add_test(error.head<3>().norm(), motion.rotation, kPassedRotation, kFailedRotation, s.passed_rotation,
-                 s.passed_rotations);
+        add_test(error.head<3>().norm(), motion.rotation, kPassedRotation, kFailedRotation, s.passed_rotation);
       if (motion.deviation > kMinTestPosition)
-        add_test(error.tail<3>().norm(), motion.deviation, kPassedPosition, kFailedPosition, s.passed_position,
-                 s.passed_positions);
-      if (s.passed_positions > 0) s.failed_starts = 0;
-      s.is_tested |= s.passed_rotations >= kMinPassed && s.passed_positions >= kMinPassed;
+        add_test(error.tail<3>().norm(), motion.deviation, kPassedPosition, kFailedPosition, s.passed_position);
+      s.is_tested |= passes(s.passed_rotation) && passes(s.passed_position);
       if (!s.is_tested) {  // later failures are the tracking's
         s.is_gyro_contradicted = failures(s.passed_rotation) > kMaxFailures;
         if (s.is_gyro_contradicted || failures(s.passed_position) > kMaxFailures) return contradict();

@@ -67,8 +67,7 @@ class InertialOdometry {
     std::optional<Filter> test;               // state at the begin of the current test, propagated without poses
     std::vector<TrackedPose> test_poses;      // since then
     std::vector<bool> passed_rotation, passed_position;  // of the last tests with motion, newest last
-    int passed_rotations = 0, passed_positions = 0;      // tests in a row
-    bool is_tested = false;                              // enough tests in a row were passed
+    bool is_tested = false;                              // enough tests were passed
     double noise_scale = 4;                              // on the sensor's noise, from the errors of the tests
     int failed_starts = 0;                               // initializations in a row that contradict the poses
     int rejected = 0;                                    // poses in a row that contradict the prediction

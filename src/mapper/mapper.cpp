@@ -68,7 +68,7 @@ FrameReport Mapper::add(const Frame& given) {
   FrameReport report{.index = given.index, .timestamp = given.timestamp};
   const CheckedFrame checked = s.check(given);
   fill(checked, report);
-  s.tracker.add_gyro(checked.frame().gyro);
+  s.tracker.add_inertial(checked.frame());
   if (!checked.is_usable()) return report;
 
   FramePyramid seen;

@@ -54,6 +54,7 @@ std::optional<Eigen::Isometry3d> TrackedPoses::last() const {
 void TrackedPoses::commit(const Frame& frame, const FramePyramid& live, const TrackingResult& tracked,
                           std::uint32_t fused_count, StageTimes& times) {
   tracker_.commit(frame, live, tracked);
+  if (const std::string text = tracker_.inertial_contradiction(); !text.empty()) back_end_.warnings().add(text);
   const bool is_keyframe = timed(times, "keyframe", [&] {
     return back_end_.add(frame, live, tracked.submap_from_camera, tracked.information(), tracker_.device_drift(),
                          volume_, fused_count);

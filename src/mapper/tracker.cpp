@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -25,9 +26,14 @@ constexpr double kFocalTurn = 0.1;            // min. rotation in rad between th
 constexpr double kClockOffsetContrast = 1.5;  // min. ratio of the worst to the best cost
 // Keyframes to compare a frame with.
 constexpr std::size_t kMaxRecentKeyframes = 4, kMaxSimilarKeyframes = 6, kMaxOtherKeyframes = 4;
-constexpr double kMaxMoving = 0.3;       // share of the image
-constexpr int kAllUnobserved = 6;        // unobserved directions of a pose without alignment
-constexpr double kMaxGyroSeconds = 0.3;  // max. seconds of tracking by gyroscope alone
+constexpr double kMaxMoving = 0.3;          // share of the image
+constexpr int kAllUnobserved = 6;           // unobserved directions of a pose without alignment
+constexpr double kMaxGyroSeconds = 0.3;     // max. seconds of tracking by the inertial sensor alone
+constexpr double kMaxInertialSigma = 0.05;  // m, of a prediction
+constexpr double kInertialSigmas = 2.5;     // of a prediction confirmed by an alignment
+constexpr double kCorrelatedPoints = 100;   // neighboring points that count as one
+// Rad, m: sigma of an alignment with many points.
+constexpr double kMinRotationSigma = 0.001, kMinTranslationSigma = 0.002;
 // SensorModel::common_error from which a device is trusted before a comparison: alignments would bend the young map.
 constexpr float kUncertainSensor = 1;
 constexpr double kMaxDeviceSeconds = 3;  // max. seconds of tracking by device poses alone
@@ -87,6 +93,7 @@ Tracker::Tracker(gpu::Device& device, const Rig& rig, const Camera& rectified, c
       aligner_(device, options.track, rig.sensor, is_rolling(rig)),
       reference_(device, rectified, options.track),
       gyroscope_(rig.camera_from_imu),
+      inertial_(rig.camera_from_imu),
       judged_(rectified.at_level(options.track.levels - 1)),
       verdicts_(device, 4 * pixels_of(judged_)),
       moving_count_(device, 4),
@@ -122,9 +129,10 @@ void Tracker::update_prediction_errors(const Frame& frame, const Eigen::Isometry
   ++state_.guesses;
 }
 
-/// Motion model: constant velocity of the last two fused frames, with the rotation of the gyroscope if available.
-/// Without a gyroscope, a lost camera is predicted at its last pose.
+/// Motion model: the inertial sensor, else constant velocity of the last two fused frames, with the rotation of the
+/// gyroscope if available. Without a gyroscope, a lost camera is predicted at its last pose.
 Eigen::Isometry3d Tracker::predict_by_motion(double timestamp) const {
+  if (const auto inertial = inertial_.predict(timestamp)) return inertial->world_from_camera;
   const Moment& last = state_.last.back();
   if (const auto rotation = gyroscope_.rotation(last.timestamp, timestamp)) {
     Eigen::Isometry3d last_from_now(*rotation);
@@ -398,6 +406,8 @@ TrackingResult Tracker::track_frame(const Frame& frame, const FramePyramid& live
   Alignment& a = best.alignment;
   if (!a.converged()) return best;
   fuse_device_motion(frame, best);
+  if (inertial_.has_samples()) best.measured = measurement_of(frame, best);
+  fuse_inertial_prediction(frame, best);
   if (!is_possible(last.submap_from_camera.inverse() * a.submap_from_camera, frame.timestamp - last.timestamp,
                    options_.motion))
     a.lost = FrameCause::too_fast;
@@ -413,6 +423,7 @@ TrackingResult Tracker::relocalize(const Frame& frame, const FramePyramid& live,
   if (is_certain_in_place(tracked.alignment, state_.lost_frames, state_.typical)) return tracked;
   if (is_gyro_usable(frame) && tracked.alignment.converged() && is_near(tracked.alignment, tracked.predicted_from))
     return tracked;
+  if (confirms_inertial(frame, tracked)) return tracked;
   const auto guess = timed(times, "recognize", [&] {
     const Features seen = features_of(live, rig_, device_);
     return estimate_pose_by_features(seen, candidates(seen));
@@ -432,15 +443,77 @@ bool Tracker::is_gyro_usable(const Frame& frame) const {
          frame.timestamp - state_.last_aligned <= kMaxGyroSeconds;
 }
 
-/// Pose from the gyroscope, for a camera that sees no map or only surface that is just being added to the map.
+/// Pose from the inertial sensor, for a camera that sees no map or only surface that is just being added to the map.
 TrackingResult Tracker::gyro_prediction(const Frame& frame) const {
   TrackingResult gyro_prediction{.alignment = {.submap_from_camera = predict(frame)}, .guess = InitialGuess::gyroscope};
   gyro_prediction.predicted_from = gyro_prediction.alignment.submap_from_camera;
   gyro_prediction.alignment.fit.unobserved = kAllUnobserved;
+  if (const auto inertial = inertial_prediction(frame.timestamp)) {
+    gyro_prediction.alignment.information = kCorrelatedPoints * inertial->covariance.inverse();
+    return gyro_prediction;
+  }
   gyro_prediction.alignment.information.diagonal()
       << Eigen::Vector3d::Constant(1 / (kGyroRotationSigma * kGyroRotationSigma)),
       Eigen::Vector3d::Constant(1 / (kGyroTranslationSigma * kGyroTranslationSigma));
   return gyro_prediction;
+}
+
+void Tracker::add_inertial(const Frame& frame) {
+  inertial_.add(frame.gyro, frame.accelerations);
+  if (!inertial_.is_gyro_contradicted()) gyroscope_.add(frame.gyro);
+}
+
+std::string Tracker::inertial_contradiction() const {
+  if (inertial_.is_gyro_contradicted())
+    return "the gyroscope and the accelerometer contradict the tracked motion (axes, sign, unit or clock): "
+           "they are not used";
+  if (inertial_.is_contradicted())
+    return "the accelerometer contradicts the tracked motion (axes, sign, unit or clock): only the gyroscope is used";
+  return {};
+}
+
+std::optional<InertialOdometry::Prediction> Tracker::inertial_prediction(double timestamp) const {
+  auto predicted = inertial_.predict(timestamp);
+  if (predicted && predicted->position_sigma() > kMaxInertialSigma) predicted.reset();
+  return predicted;
+}
+
+bool Tracker::confirms_inertial(const Frame& frame, const TrackingResult& tracked) const {
+  if (!tracked.alignment.converged()) return false;
+  const auto predicted = inertial_prediction(frame.timestamp);
+  return predicted && is_near(tracked.alignment, predicted->world_from_camera,
+                              kInertialSigmas * std::sqrt(predicted->covariance.topLeftCorner<3, 3>().trace()),
+                              kInertialSigmas * predicted->position_sigma());
+}
+
+InertialOdometry::TrackedPose Tracker::measurement_of(const Frame& frame, const TrackingResult& tracked) const {
+  const Alignment& a = tracked.alignment;
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(a.information);
+  Vector6d values = solver.eigenvalues().cwiseMax(0.0);
+  values.head(std::clamp(a.fit.unobserved, 0, 6)).setZero();  // the guess, instead of a measurement
+  const Vector6d variances = (kCorrelatedPoints * (values.array() + 1).inverse()).matrix();
+  const Matrix6d in_view = solver.eigenvectors() * variances.asDiagonal() * solver.eigenvectors().transpose();
+  const Matrix6d camera_from_view = adjoint(a.submap_from_camera.inverse() * tracked.predicted_from);
+  Matrix6d covariance = camera_from_view * in_view * camera_from_view.transpose();
+  covariance += covariance_of({.rotation = kMinRotationSigma, .translation = kMinTranslationSigma});
+  if (rig_.sensor.common_error >= kUncertainSensor) covariance += covariance_of(common_error(rig_.sensor, frame.depth));
+  return {frame.timestamp, a.submap_from_camera, covariance};
+}
+
+/// The directions stay unobserved in the report: neither the gyroscope's bias nor the map's criteria use them.
+void Tracker::fuse_inertial_prediction(const Frame& frame, TrackingResult& tracked) const {
+  Alignment& a = tracked.alignment;
+  if (a.fit.unobserved == 0 && is_confirmed_by_brightness(a, state_.typical)) return;
+  const auto predicted = inertial_.predict(frame.timestamp);
+  if (!predicted) return;
+  const int unobserved = a.fit.unobserved;
+  const PoseSigma error = common_error(rig_.sensor, frame.depth);
+  if (!fuse_device_pose(predicted->world_from_camera, predicted->covariance, error, a) &&
+      predicted->position_sigma() <= kMaxInertialSigma) {  // the alignment has jumped
+    a.submap_from_camera = predicted->world_from_camera;
+    a.information = kCorrelatedPoints * predicted->covariance.inverse();
+  }
+  a.fit.unobserved = unobserved;
 }
 
 std::optional<DeviceDrift> Tracker::device_drift() const {
@@ -530,6 +603,7 @@ void Tracker::reset() {
   state_.lost_frames = state_.lost_views = 0;
   reference_.clear();
   prediction_ = {};
+  inertial_.reset_world();
 }
 
 void Tracker::start_lost() {
@@ -543,7 +617,8 @@ Tracker::SavedState Tracker::save() const {
   return {.state = state_,
           .reference = reference_.save(),
           .prediction = raycaster_.save(prediction_),
-          .gyroscope = gyroscope_.save()};
+          .gyroscope = gyroscope_.save(),
+          .inertial = inertial_.save()};
 }
 
 void Tracker::restore(const SavedState& saved) {
@@ -551,6 +626,7 @@ void Tracker::restore(const SavedState& saved) {
   reference_.restore(saved.reference);
   prediction_ = raycaster_.restore(saved.prediction);
   gyroscope_.restore(saved.gyroscope);
+  inertial_.restore(saved.inertial);
 }
 
 void Tracker::add_focal_evidence() {
@@ -584,6 +660,11 @@ void Tracker::commit(const Frame& frame, const FramePyramid& live, const Trackin
     gyroscope_.learn(state_.last.back().timestamp, frame.timestamp,
                      Eigen::Quaterniond((state_.last.back().submap_from_camera.inverse() * pose).linear()));
   gyroscope_.forget_before(frame.timestamp);
+  if (a != nullptr && a->fit.unobserved < kAllUnobserved && inertial_.has_samples()) {
+    const auto measured = tracked.measured ? *tracked.measured : measurement_of(frame, tracked);
+    inertial_.update(measured.timestamp, measured.world_from_camera, measured.covariance);
+    if (inertial_.is_gyro_contradicted()) gyroscope_.restore({});
+  }
   if (a != nullptr && a->fit.unobserved == 0 && state_.lost_frames == 0) update_prediction_errors(frame, pose);
   if (a == nullptr || state_.lost_frames > 0) state_.device.window.reset();
   if (frame.guess)

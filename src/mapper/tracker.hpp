@@ -6,6 +6,7 @@
 #include "alignment/align.hpp"
 #include "alignment/device_odometry.hpp"
 #include "alignment/gyroscope.hpp"
+#include "alignment/inertial_odometry.hpp"
 #include "base/stopwatch.hpp"
 #include "cairn/mapping/frame.hpp"
 #include "cairn/mapping/reports.hpp"
@@ -29,6 +30,7 @@ struct TrackingResult {
   Eigen::Isometry3d submap_from_camera = Eigen::Isometry3d::Identity();  // unless lost
   Alignment alignment;                 // last attempted alignment; unset for the first frame of a map
   std::optional<AlignedPose> aligned;  // before the fusion with the device's motion
+  std::optional<InertialOdometry::TrackedPose> measured;  // before the fusion with the inertial prediction
   InitialGuess guess = InitialGuess::none;
   Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the predicted surface
   FrameCause cause = FrameCause::none;
@@ -57,8 +59,8 @@ class Tracker {
                                           StageTimes& times);
   /// Share of the image removed from the last fusion image as moving. Waits for the device.
   [[nodiscard]] double moving() const;
-  /// Adds gyroscope rates, also those of untracked frames.
-  void add_gyro(const std::vector<AngularRate>& rates) { gyroscope_.add(rates); }
+  /// Adds the inertial samples of a frame, also of an untracked one.
+  void add_inertial(const Frame& frame);
   /// Motion of the camera while a frame is taken: predicted, and with the frame's pose.
   [[nodiscard]] MotionAt motion(const Frame& frame) const;
   [[nodiscard]] MotionAt motion(const Frame& frame, const Eigen::Isometry3d& submap_from_camera) const;
@@ -74,6 +76,8 @@ class Tracker {
   /// Estimated seconds by which the color camera's clock is ahead of the depth camera's.
   [[nodiscard]] double clock_offset() const;
   [[nodiscard]] FocalEvidence focal() const;
+  /// Contradiction of the inertial sensor with the tracked motion, a line; empty: none.
+  [[nodiscard]] std::string inertial_contradiction() const;
   /// Estimated drift of the frames' device poses; none if they are not used as measurements.
   [[nodiscard]] std::optional<DeviceDrift> device_drift() const;
 
@@ -105,6 +109,7 @@ class Tracker {
     PhotometricKeyframe::SavedState reference;
     Raycaster::SavedState prediction;
     Gyroscope::State gyroscope;
+    InertialOdometry::State inertial;
   };
   [[nodiscard]] SavedState save() const;
   void restore(const SavedState& saved);
@@ -123,6 +128,15 @@ class Tracker {
                                           StageTimes& times);
   [[nodiscard]] bool is_gyro_usable(const Frame& frame) const;
   [[nodiscard]] TrackingResult gyro_prediction(const Frame& frame) const;
+  /// Prediction by the inertial sensor; empty if it is not accurate enough to replace an alignment.
+  [[nodiscard]] std::optional<InertialOdometry::Prediction> inertial_prediction(double timestamp) const;
+  /// True if an alignment confirms the pose from the inertial sensor.
+  [[nodiscard]] bool confirms_inertial(const Frame& frame, const TrackingResult& tracked) const;
+  /// Fuses an alignment with the inertial prediction where brightness does not confirm it, or directions are
+  /// unobserved.
+  void fuse_inertial_prediction(const Frame& frame, TrackingResult& tracked) const;
+  /// The alignment as a measurement for the inertial odometry.
+  [[nodiscard]] InertialOdometry::TrackedPose measurement_of(const Frame& frame, const TrackingResult& tracked) const;
   [[nodiscard]] bool is_device_usable(const Frame& frame) const;
   [[nodiscard]] TrackingResult device_prediction(const Frame& frame) const;
   [[nodiscard]] Matrix6d device_motion_covariance(const Eigen::Isometry3d& predicted) const;
@@ -170,6 +184,7 @@ class Tracker {
   Aligner aligner_;
   PhotometricKeyframe reference_;
   Gyroscope gyroscope_;
+  InertialOdometry inertial_;
   Camera judged_;  // of the pyramid level for motion detection
   gpu::Buffer verdicts_, moving_count_;
   std::array<std::uint32_t, 1> moving_{};  // pixels of the coarsest level, valid after the device has finished

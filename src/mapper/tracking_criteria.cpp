@@ -81,10 +81,11 @@ bool is_prediction_reusable(const Camera& camera, const Eigen::Isometry3d& motio
   return frames < kMaxPredictionFrames && view_change(camera, motion) < kMaxReuseViewChange;
 }
 
-bool is_near(const Alignment& a, const Eigen::Isometry3d& guess) {
+bool is_near(const Alignment& a, const Eigen::Isometry3d& guess, double rotation, double translation) {
   const Eigen::Isometry3d motion = guess.inverse() * a.submap_from_camera;
   return a.fit.inlier_share > kMinRelocalizedInliers && misfit(a) < kMaxRelocalizedMisfit &&
-         angle_of(motion) < kMaxGyroRotationError && motion.translation().norm() < kMaxGyroTranslationError;
+         angle_of(motion) < std::max(kMaxGyroRotationError, rotation) &&
+         motion.translation().norm() < std::max(kMaxGyroTranslationError, translation);
 }
 
 bool is_certain(const Alignment& a, const TypicalFit& typical) {

@@ -65,8 +65,9 @@ struct TypicalFit {
 [[nodiscard]] double view_change(const Camera& camera, const Eigen::Isometry3d& motion);
 /// True if a surface predicted for another pose, `motion` away, still covers the view after aligning `frames` frames.
 [[nodiscard]] bool is_prediction_reusable(const Camera& camera, const Eigen::Isometry3d& motion, int frames);
-/// True if an alignment, with any overlap, confirms the pose from the gyroscope.
-[[nodiscard]] bool is_near(const Alignment& a, const Eigen::Isometry3d& guess);
+/// True if an alignment, with any overlap, confirms the pose from the gyroscope, or a pose with larger errors (rad, m).
+[[nodiscard]] bool is_near(const Alignment& a, const Eigen::Isometry3d& guess, double rotation = 0,
+                           double translation = 0);
 /// True if a lost camera is relocalized reliably.
 [[nodiscard]] bool is_certain(const Alignment& a, const TypicalFit& typical);
 /// True if a lost camera is found at its last pose reliably, without place recognition.

@@ -98,6 +98,21 @@ void fields(auto& io, Of<AngularRate> auto& r) { io(r.timestamp, r.rate); }
 
 void fields(auto& io, Of<Gyroscope::State> auto& m) { io(m.samples, m.count, m.imu, m.camera, m.camera_imu); }
 
+void fields(auto& io, Of<Acceleration> auto& a) { io(a.timestamp, a.value); }
+
+void fields(auto& io, Of<InertialOdometry::Filter> auto& f) {
+  io(f.timestamp, f.rotation, f.position, f.velocity, f.bias.gyro, f.bias.acceleration, f.gravity, f.imu_from_camera,
+     f.lever, f.clock, f.covariance);
+}
+
+void fields(auto& io, Of<InertialOdometry::TrackedPose> auto& p) { io(p.timestamp, p.world_from_camera, p.covariance); }
+
+void fields(auto& io, Of<InertialOdometry::State> auto& s) {
+  io(s.rates, s.accelerations, s.window, s.filter, s.prior, s.poses_since_start, s.test, s.test_poses,
+     s.passed_rotation, s.passed_position, s.is_tested, s.noise_scale, s.failed_starts, s.rejected, s.is_contradicted,
+     s.is_gyro_contradicted);
+}
+
 void fields(auto& io, Of<Raycaster::SavedState> auto& p) { io(p.submap_from_camera, p.points); }
 
 void fields(auto& io, Of<Volume::SavedState> auto& r) {
@@ -159,6 +174,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<Nam
   io("photometric_keyframe", s.tracker.reference);
   io("prediction", s.tracker.prediction);
   io("gyroscope", s.tracker.gyroscope);
+  io.since(17, "inertial", s.tracker.inertial);
   io("residency", s.residency);
   io("mapper", s.fused_count, s.last_depth_hash, s.repeated_images, s.last_fused, Until<9, Eigen::Vector3d>{});
   io("number", s.number);

@@ -149,6 +149,32 @@ void validate(const PhotometricKeyframe::SavedState& keyframe) {
   require_numbers({keyframe.moment.stamp_delay, keyframe.moment.clock_offset});
 }
 
+void validate(const std::optional<InertialOdometry::Filter>& filter) {
+  if (!filter) return;
+  const InertialOdometry::Filter& f = *filter;
+  require_numbers({f.timestamp, f.rotation.norm(), f.position.sum(), f.velocity.sum(), f.bias.gyro.sum(),
+                   f.bias.acceleration.sum(), f.imu_from_camera.norm(), f.lever.sum(), f.clock});
+  require_unit(f.gravity / 9.81);
+  require_numbers(f.covariance);
+}
+
+void validate(const std::vector<InertialOdometry::TrackedPose>& poses) {
+  for (const auto& pose : poses) {
+    require_numbers({pose.timestamp});
+    require_rigid(pose.world_from_camera);
+    require_numbers(pose.covariance);
+  }
+}
+
+void validate(const InertialOdometry::State& s) {
+  for (const AngularRate& r : s.rates) require_numbers({r.timestamp, r.rate.sum()});
+  for (const Acceleration& a : s.accelerations) require_numbers({a.timestamp, a.value.sum()});
+  for (const auto* filter : {&s.filter, &s.prior, &s.test}) validate(*filter);
+  for (const auto* poses : {&s.window, &s.test_poses}) validate(*poses);
+  require(s.noise_scale > 0 && std::isfinite(s.noise_scale), "a number is not finite");
+  require(!s.test || !s.test_poses.empty(), "a pose is missing");
+}
+
 void validate(const Volume::SavedState& r) {
   require(r.device_last_seen.size() == r.on_device.size() && r.host_last_seen.size() == r.on_host.size(),
           "bricks and their stamps do not match");
@@ -169,6 +195,7 @@ void validate(const SessionState& s, std::size_t frames) {
   const Gyroscope::State& g = s.tracker.gyroscope;
   require_numbers({g.count, g.imu.sum(), g.camera.sum(), g.camera_imu.sum()});
   for (const AngularRate& r : g.samples) require_numbers({r.timestamp, r.rate.sum()});
+  validate(s.tracker.inertial);
   validate(s.residency);
   require(s.repeated_images >= 0, "a count is below zero");
   require_numbers({s.last_fused.value_or(0)});
