@@ -30,6 +30,7 @@ constexpr double kLastGravityPrior = 0.3;             // m/s^2: of its component
 constexpr double kMinWindow = 1.0, kMaxWindow = 2.0;  // seconds of poses for an initialization
 constexpr int kStartInterval = 5;                     // poses between initializations
 constexpr double kMaxPoseGap = 0.5;                   // seconds between poses of an initialization
+constexpr double kMaxLag = 0.1;                       // seconds of the newest sample behind the pose: another clock
 constexpr double kPoseSigma = 0.004;                  // m, of a pose in the initialization
 constexpr double kMaxStartError = 0.015;              // m, RMS
 constexpr double kMaxStartRotationError = 0.3;        // share of the rotation, RMS
@@ -350,7 +351,14 @@ std::optional<InertialOdometry::Filter> InertialOdometry::initial_state() {
     return preintegrate(state_.rates, state_.accelerations, since, until, bias, noise_);
   };
   const auto gyro = fit_gyro(poses, integrate);
-  if (!gyro) return std::nullopt;
+  if (!gyro) {
+    if (state_.rates.back().timestamp < poses.back().timestamp - kMaxLag &&
+        ++state_.failed_starts >= kMaxFailedStarts) {
+      state_.is_gyro_contradicted = true;
+      contradict();
+    }
+    return std::nullopt;
+  }
   InertialBias bias{gyro->bias, Eigen::Vector3d::Zero()};
   const auto linear = fit_linear(poses, bias, integrate);
   if (!linear || linear->gravity_sigma > kMaxGravitySigma) return std::nullopt;

@@ -245,6 +245,31 @@ TEST(InertialOdometry, RejectsAWrongSensorBeforeItsUse) {
     simulation.track(odometry, 0, 15);
     EXPECT_TRUE(odometry.is_contradicted()) << clock;
   }
+  Simulation simulation(1);
+  InertialOdometry late = odometry_of_camera();
+  for (int i = 0; i < 200; ++i) {  // samples with a clock 0.2 s behind
+    simulation.sense(late, i / 30.0 - 0.2);
+    late.update(i / 30.0, simulation.tracked(i / 30.0), Simulation::kCovariance);
+  }
+  EXPECT_TRUE(late.is_contradicted());
+}
+
+TEST(InertialOdometry, DoesNotTrustASensorAtRest) {
+  InertialOdometry odometry = odometry_of_camera();
+  for (int i = 0; i < 300; ++i) {
+    const double t = i / 30.0;
+    std::vector<AngularRate> rates;
+    std::vector<Acceleration> accelerations;
+    for (int k = 0; k < 7; ++k) {
+      rates.push_back({t + 0.005 * k - 0.03, Eigen::Vector3d::Zero()});
+      accelerations.push_back({t + 0.005 * k - 0.03, -kGravity});
+    }
+    odometry.add(rates, accelerations);
+    odometry.update(t, Eigen::Isometry3d::Identity(), Simulation::kCovariance);
+  }
+  EXPECT_TRUE(odometry.save().filter);
+  EXPECT_FALSE(odometry.is_trusted());
+  EXPECT_FALSE(odometry.is_contradicted());
 }
 
 }  // namespace
