@@ -24,6 +24,7 @@ struct Outcome {
   double last_error = 0;  // meters
   double rmse = 0;        // meters, of the fused frames, relative to the true pose of the first
   std::size_t places = 0;
+  std::size_t warnings = 0;
 };
 
 using Path = std::function<Eigen::Isometry3d(double seconds)>;
@@ -42,6 +43,29 @@ std::vector<AngularRate> gyroscope(const Path& path, double since, double until)
         {t, turn.angle() / kStep * turn.axis() + bias + Eigen::Vector3d::Constant(n % 2 == 0 ? kNoise : -kNoise)});
   }
   return samples;
+}
+
+/// Measurements of a phone's accelerometer, at the times of the gyroscope's: noise and a bias.
+std::vector<Acceleration> accelerometer(const Path& path, const std::vector<AngularRate>& times) {
+  constexpr double kStep = 0.002, kNoise = 0.02;  // seconds; m/s^2, with alternating sign
+  static const Eigen::Vector3d bias(0.05, -0.04, 0.06), gravity(0, 9.81, 0);
+  std::vector<Acceleration> samples;
+  for (const auto& [t, rate] : times) {
+    const Eigen::Vector3d force =
+        (path(t - kStep).translation() - 2 * path(t).translation() + path(t + kStep).translation()) / (kStep * kStep) -
+        gravity;
+    const double noise = samples.size() % 2 == 0 ? kNoise : -kNoise;
+    samples.push_back({t, path(t).linear().transpose() * force + bias + Eigen::Vector3d::Constant(noise)});
+  }
+  return samples;
+}
+
+/// Adds the samples of both inertial sensors.
+Spoil with_accelerometer(const Path& path, const Spoil& spoil = {}) {
+  return [path, spoil](int i, Frame& frame) {
+    frame.accelerations = accelerometer(path, frame.gyro);
+    if (spoil) spoil(i, frame);
+  };
 }
 
 /// Runs every `step`th frame; black where `sees` is false.
@@ -79,6 +103,7 @@ Outcome run(const Scene& scene, int frames, const Path& path, const Spoil& spoil
     outcome.wrong += error > kWrong;
     squared += error * error;
   }
+  outcome.warnings = mapper.warnings().size();
   outcome.rmse = std::sqrt(squared / std::max(outcome.fused, 1));
   ::testing::Test::RecordProperty("rmse_mm", std::to_string(1000 * outcome.rmse));
   std::printf("%d of %zu frames fused, %d wrong, RMSE %.1f mm, %.1f mm at the end\n", outcome.fused,
@@ -152,6 +177,81 @@ TEST(Robustness, AGyroscopeCarriesAlongABareWall) {
   const auto o = run(scene, 200, path, {}, {}, 1, true);
   EXPECT_EQ(o.wrong, 0);
   EXPECT_LE(o.last_error, 0.02);
+}
+
+/// The room's path at 1.5 times its speed: 0.3 m/s and 60 degrees a second.
+Eigen::Isometry3d at_hand_speed(double seconds) { return along(1.5 * seconds); }
+
+TEST(Robustness, InertialSensorsCarryThroughOneAndTwoSecondsOfDarkness) {
+  for (const int dark : {30, 60}) {
+    const auto o = run(
+        room(), 225 + dark, at_hand_speed, with_accelerometer(at_hand_speed),
+        [&](int i) { return i < 180 || i >= 180 + dark; }, 1, true);
+    EXPECT_EQ(o.wrong, 0);
+    EXPECT_EQ(o.fused, 225 + dark - dark);
+    EXPECT_EQ(frames_until_found(o, 180 + dark), 0);
+    EXPECT_EQ(o.reports[static_cast<std::size_t>(180 + dark)].guess, InitialGuess::motion);
+    EXPECT_LE(o.rmse, 0.01);
+  }
+}
+
+TEST(Robustness, InertialSensorsCarryAlongTwoMetersOfBareWall) {
+  // Furniture in front of a wall without texture at both ends of a path of 3.4 m; only the wall is visible for 2 m.
+  Scene scene{.name = "bare wall"};
+  scene.solids.push_back(
+      {.shape = Scene::Shape::box, .center = {2, 0, 2}, .half_size = {8, 4, 0.5f}, .color = {9, 9, 9}});
+  for (const float end : {-0.6f, 4.6f})
+    for (int k = 0; k < 6; ++k)
+      scene.solids.push_back({.shape = Scene::Shape::box,
+                              .center = {end + 0.12f * static_cast<float>(k % 2), 0.7f - 0.3f * static_cast<float>(k),
+                                         1.3f - 0.08f * static_cast<float>(k % 3)},
+                              .half_size = {0.35f, 0.12f, 0.15f},
+                              .pattern = Scene::Pattern::checker});
+  const auto path = [](double t) {
+    const double share = std::clamp((t - 6) / 4, 0.0, 1.0);
+    const double smooth = share * share * share * (10 - 15 * share + 6 * share * share);
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() =
+        Eigen::Vector3d(4.0 * smooth + 0.12 * std::sin(2.1 * t), 0.10 * std::sin(2.9 * t), 0.08 * std::sin(1.7 * t));
+    pose.rotate(Eigen::AngleAxisd(0.15 * std::sin(1.9 * t), Eigen::Vector3d::UnitY()));
+    pose.rotate(Eigen::AngleAxisd(0.10 * std::sin(2.3 * t), Eigen::Vector3d::UnitX()));
+    return pose;
+  };
+  const auto o = run(scene, 330, path, with_accelerometer(path), {}, 1, true);
+  EXPECT_EQ(o.wrong, 0);
+  EXPECT_LE(o.last_error, 0.03);
+}
+
+TEST(Robustness, InertialSensorsOfAnotherCameraAreNotUsed) {
+  constexpr double kDetection = 0.0005;  // m: the gyroscope predicts until it is found to be wrong
+  const Path other = [](double t) { return along(20 - t); };
+  const auto none = run(room(), 180, at_hand_speed);
+  const std::pair<const char*, Spoil> wrongs[] = {{"sign",
+                                                   [](int, Frame& f) {
+                                                     for (auto& a : f.accelerations) a.value = -a.value;
+                                                   }},
+                                                  {"axes",
+                                                   [](int, Frame& f) {
+                                                     for (auto& a : f.accelerations)
+                                                       std::swap(a.value.x(), a.value.y());
+                                                     for (auto& r : f.gyro) std::swap(r.rate.x(), r.rate.y());
+                                                   }},
+                                                  {"clock",
+                                                   [](int, Frame& f) {
+                                                     for (auto& a : f.accelerations) a.timestamp -= 0.2;
+                                                     for (auto& r : f.gyro) r.timestamp -= 0.2;
+                                                   }},
+                                                  {"another recording", [&](int i, Frame& f) {
+                                                     f.gyro = gyroscope(other, (i - 1) / 30.0, i / 30.0);
+                                                     f.accelerations = accelerometer(other, f.gyro);
+                                                   }}};
+  for (const auto& [name, spoil] : wrongs) {
+    const auto wrong = run(room(), 180, at_hand_speed, with_accelerometer(at_hand_speed, spoil), {}, 1, true);
+    EXPECT_EQ(wrong.wrong, 0) << name;
+    EXPECT_EQ(wrong.fused, 180) << name;
+    EXPECT_LE(wrong.rmse, 1.1 * none.rmse + kDetection) << name;
+    EXPECT_EQ(wrong.warnings, 1) << name;
+  }
 }
 
 /// True relative motion of the camera in another world, with an odometry drift of half a percent.
