@@ -21,6 +21,7 @@ set(single
     "^Real/Recording\\." 60
     "^VerdictOfARecording\\." 10
     "^Calibrate\\." 25
+    "^Robustness\\.InertialSensors" 60
     "^Robustness\\." 20
     "^Session\\." 20
     "^Program\\." 10

@@ -20,7 +20,9 @@ struct SizedFrame {
 
 /// Arguments of a frame from Python.
 struct FrameParts {
-  py::object depth, color, time, depth_scale, confidence, pose, guess, acceleration, gyro, accelerations;
+  py::object depth, color = py::none(), time = py::none(), depth_scale = py::none(), confidence = py::none(),
+                    pose = py::none(), guess = py::none(), acceleration = py::none(), gyro = py::none(),
+                    accelerations = py::none();
   double color_delay = 0;
   bool held_out = false;
 };

@@ -246,8 +246,7 @@ instead of JPEG. Raises Error if the folder is not empty.)")
              const py::object& depth_scale) {
             if (py::isinstance<SizedFrame>(depth)) return r.add(depth.cast<const SizedFrame&>());
             SizedFrame frame = std::exchange(r.scratch, {});
-            fill(frame, {depth, color, time, depth_scale, py::none(), py::none(), py::none(), py::none(), py::none()},
-                 r.next++, &r.rig);
+            fill(frame, {depth, color, time, depth_scale}, r.next++, &r.rig);
             r.add(frame);
             r.scratch = std::move(frame);
           },

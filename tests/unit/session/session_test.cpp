@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include "cairn/mapping/session.hpp"
+
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -387,7 +390,8 @@ TEST(SessionFiles, ReportMissingOrDamagedFrames) {
   write_text(file, bytes.substr(0, 5));
   expect_read_error("does not begin with 'cairn frames'");
   write_text(file, "cairn frames 1 00000000\n");
-  expect_read_error("was written by another version of cairn (format 1, this one reads 9 to 16)");
+  expect_read_error(fmt::format("was written by another version of cairn (format 1, this one reads {} to {})",
+                                Session::kOldestFormat, Session::kFormat));
   fs::remove(file);
   expect_read_error("cannot be opened");
 }
