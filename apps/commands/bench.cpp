@@ -80,20 +80,19 @@ nlohmann::json measure(const Arguments& a) {
   if (frames.size() < 2)
     throw std::runtime_error(a.sequence + ": has fewer than two frames; a benchmark needs at least two");
   const std::size_t first = std::min(kWarmUpFrames, frames.size() / 2);
-  const Options options =
-      a.voxel_size ? options_for(source->rig().sensor, *a.voxel_size) : options_for(source->rig().sensor);
-  Mapper mapper(source->rig(), options, Poses::tracked, a.device);
+  const Rig& rig = source->rig();
+  const Options options = a.voxel_size ? options_for(rig.sensor, *a.voxel_size) : options_for(rig.sensor);
+  Mapper mapper(rig, options, Poses::tracked, a.device);
   Statistics warm;
   int fused = 0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (i == first) warm = mapper.statistics();
     FrameReport report;
-    const double host_begin = thread_milliseconds();
-    const double ms = milliseconds([&] { report = mapper.add(frames[i]); });
+    const double begin = thread_milliseconds(), ms = milliseconds([&] { report = mapper.add(frames[i]); });
     fused += report.state == FrameState::fused;
     if (i < first) continue;
     per_frame.add(ms);
-    host.add(thread_milliseconds() - host_begin);
+    host.add(thread_milliseconds() - begin);
     for (const auto& [name, stage_ms] : report.stage_ms) stages[name].add(stage_ms);
   }
   const Statistics end = mapper.statistics();
@@ -102,7 +101,7 @@ nlohmann::json measure(const Arguments& a) {
                    {"device", end.device},
                    {"frames", frames.size()},
                    {"fused", fused},
-                   {"depth", {source->rig().depth.width, source->rig().depth.height}},
+                   {"depth", {rig.depth.width, rig.depth.height}},
                    {"voxel_size", options.fuse.voxel_size},
                    {"decode", to_json(decode)},
                    {"frame", to_json(per_frame)},

@@ -26,7 +26,6 @@ constexpr double kGravity = 9.81;  // m/s^2
 constexpr double kRotationPrior = 0.004, kPositionPrior = 0.005, kVelocityPrior = 0.1, kGyroPrior = 0.005,
                  kAccelerationPrior = 0.1, kGravityPrior = 0.03, kExtrinsicPrior = 0.015, kLeverPrior = 0.03,
                  kClockPrior = 0.004;
-constexpr double kLastGravityPrior = 0.3;             // m/s^2: of its components, for the initialization
 constexpr double kMinWindow = 1.0, kMaxWindow = 2.0;  // seconds of poses for an initialization
 constexpr int kStartInterval = 5;                     // poses between initializations
 constexpr double kMaxPoseGap = 0.5;                   // seconds between poses of an initialization

@@ -10,12 +10,29 @@
 
 namespace cairn {
 
+/// Estimated state of an InertialOdometry at the time of the last tracked pose.
+struct InertialFilter {
+  double timestamp = 0;
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  // world_from_imu, in the camera's nominal axes
+  Eigen::Vector3d position = Eigen::Vector3d::Zero(),
+                  velocity = Eigen::Vector3d::Zero();                   // of the sensor, in the world
+  InertialBias bias;                                                    // in the camera's nominal axes
+  Eigen::Vector3d gravity = Eigen::Vector3d::Zero();                    // m/s^2, in the world; of length 9.81
+  Eigen::Quaterniond imu_from_camera = Eigen::Quaterniond::Identity();  // correction of the nominal axes
+  Eigen::Vector3d lever = Eigen::Vector3d::Zero();  // of the camera from the sensor, m, in the sensor's axes
+  double clock = 0;                                 // seconds by which the camera's timestamps are behind the sensor's
+  /// Of the errors in the above order; 2 of the gravity's direction, rad.
+  Eigen::Matrix<double, 24, 24> covariance = Eigen::Matrix<double, 24, 24>::Zero();
+};
+
 /// Camera motion from a gyroscope and an accelerometer: an error-state filter, propagated by pre-integrated samples and
 /// corrected by tracked poses. Gravity, velocity and the gyroscope's bias are initialized from one to two seconds of
 /// tracked poses in motion (as Qin & Shen 2017, with known scale). Predictions are compared with tracked poses, and
 /// returned only after they agreed for some time. World: the frame of the tracked poses.
 class InertialOdometry {
  public:
+  using Filter = InertialFilter;
+
   /// `camera_from_imu`: rotation of the gyroscope's axes; none: no prediction.
   explicit InertialOdometry(const std::optional<Eigen::Quaterniond>& camera_from_imu, const InertialNoise& noise = {})
       : camera_from_imu_(camera_from_imu), noise_(noise) {}
@@ -37,20 +54,6 @@ class InertialOdometry {
   [[nodiscard]] std::optional<Prediction> predict(double timestamp) const;
   static constexpr double kMaxSeconds = 3;
 
-  /// Estimated state at the time of the last tracked pose.
-  struct Filter {
-    double timestamp = 0;
-    Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  // world_from_imu, in the camera's nominal axes
-    Eigen::Vector3d position = Eigen::Vector3d::Zero(),
-                    velocity = Eigen::Vector3d::Zero();                   // of the sensor, in the world
-    InertialBias bias;                                                    // in the camera's nominal axes
-    Eigen::Vector3d gravity = Eigen::Vector3d::Zero();                    // m/s^2, in the world; of length 9.81
-    Eigen::Quaterniond imu_from_camera = Eigen::Quaterniond::Identity();  // correction of the nominal axes
-    Eigen::Vector3d lever = Eigen::Vector3d::Zero();  // of the camera from the sensor, m, in the sensor's axes
-    double clock = 0;  // seconds by which the camera's timestamps are behind the sensor's
-    /// Of the errors in the above order; 2 of the gravity's direction, rad.
-    Eigen::Matrix<double, 24, 24> covariance = Eigen::Matrix<double, 24, 24>::Zero();
-  };
   struct TrackedPose {
     double timestamp = 0;
     Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();

@@ -271,6 +271,7 @@ std::vector<Acceleration> read_accelerometer(const fs::path& file, double begin,
                    [](const Acceleration& a, const Acceleration& b) { return a.timestamp < b.timestamp; });
   if (samples.back().timestamp < begin || samples.front().timestamp > end) return {};
   std::vector<double> norms;
+  norms.reserve(samples.size());
   for (const Acceleration& sample : samples) norms.push_back(sample.value.norm());
   if (median(norms) < kMaxNormInG)
     for (Acceleration& sample : samples) sample.value *= kGravity;
