@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alignment/preintegration.hpp"
+
 namespace cairn {
 namespace {
 
@@ -15,11 +17,6 @@ constexpr double kMinRotationsForBias = 20;         // min. rotations for a bias
 constexpr double kMinRotationsForOrientation = 45;  // min. rotations for an estimate of the sensor's orientation
 constexpr double kMinRotationRate =
     0.05;  // rad/s about two axes, RMS: min. motion to estimate the sensor's orientation
-
-Eigen::Quaterniond rotation_by(const Eigen::Vector3d& angle) {
-  const double a = angle.norm();
-  return a > 0 ? Eigen::Quaterniond(Eigen::AngleAxisd(a, angle / a)) : Eigen::Quaterniond::Identity();
-}
 
 }  // namespace
 

@@ -261,11 +261,6 @@ bool InertialOdometry::is_trusted() const {
          failures(state_.passed_position) <= kMaxTrustedFailures;
 }
 
-std::optional<Eigen::Vector3d> InertialOdometry::down() const {
-  if (!is_trusted()) return std::nullopt;
-  return state_.filter->gravity.normalized();
-}
-
 /// Mean rate of the sensor around the filter's time.
 Eigen::Vector3d InertialOdometry::rate(const Filter& filter) const {
   const auto& rates = state_.rates;

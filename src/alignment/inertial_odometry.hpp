@@ -86,8 +86,6 @@ class InertialOdometry {
   /// True if the sensor contradicts the tracked poses, for the rest of the run; in rotation too.
   [[nodiscard]] bool is_contradicted() const { return state_.is_contradicted; }
   [[nodiscard]] bool is_gyro_contradicted() const { return state_.is_gyro_contradicted; }
-  /// Gravity direction in the world, of unit length; empty as predict().
-  [[nodiscard]] std::optional<Eigen::Vector3d> down() const;
 
  private:
   void initialize();

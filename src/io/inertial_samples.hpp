@@ -8,7 +8,7 @@
 
 namespace cairn {
 
-inline constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, as for TUM recordings
+inline constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, to average out hand shake
 
 /// Samples of a gyroscope and an accelerometer until their frame is read, in time order; bounded.
 class InertialSamples {

@@ -9,14 +9,14 @@
 #include <stdexcept>
 
 #include "base/lines.hpp"
+#include "io/inertial_samples.hpp"
 #include "io/recording.hpp"
 
 namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kAccelerationWindow = 0.25;  // seconds around a frame, to average out hand shake
-constexpr double kSameTime = 1e-5;            // seconds
+constexpr double kSameTime = 1e-5;  // seconds
 
 /// Reads lines `timestamp x y z`, sorted by time.
 std::vector<AngularRate> read_samples(const fs::path& file, const char* axes, double units_per_second) {

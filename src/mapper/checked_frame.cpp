@@ -38,30 +38,22 @@ FrameCause unusable(const Frame& frame, const Camera& camera, std::optional<doub
 }  // namespace
 
 CheckedFrame::CheckedFrame(const Frame& given, const Rig& rig, std::optional<double> previous) : given_(&given) {
-  if (std::any_of(given.gyro.begin(), given.gyro.end(),
-                  [](const AngularRate& r) { return !std::isfinite(r.timestamp) || !r.rate.allFinite(); })) {
-    corrected_ = given;
-    corrected_->gyro.clear();
-    cause_ = FrameCause::partly_used;
-    reason_ = "gyroscope rates are not finite: ignored";
-  }
-  if (std::any_of(given.accelerations.begin(), given.accelerations.end(),
-                  [](const Acceleration& a) { return !std::isfinite(a.timestamp) || !a.value.allFinite(); })) {
-    if (!corrected_) corrected_ = given;
-    corrected_->accelerations.clear();
-    cause_ = FrameCause::partly_used;
-    reason_ += (reason_.empty() ? "" : "; ") + std::string("accelerations are not finite: ignored");
-  }
-  if (const FrameCause cause = unusable(given, rig.depth, previous); cause != FrameCause::none) {
-    reject(cause, given.problem.value_or(""));
-    return;
-  }
   const auto drop = [&](const char* reason, const auto& remove) {
     if (!corrected_) corrected_ = given;
     remove(*corrected_);
     cause_ = FrameCause::partly_used;
     reason_ += (reason_.empty() ? "" : "; ") + std::string(reason);
   };
+  if (std::any_of(given.gyro.begin(), given.gyro.end(),
+                  [](const AngularRate& r) { return !std::isfinite(r.timestamp) || !r.rate.allFinite(); }))
+    drop("gyroscope rates are not finite: ignored", [](Frame& f) { f.gyro.clear(); });
+  if (std::any_of(given.accelerations.begin(), given.accelerations.end(),
+                  [](const Acceleration& a) { return !std::isfinite(a.timestamp) || !a.value.allFinite(); }))
+    drop("accelerations are not finite: ignored", [](Frame& f) { f.accelerations.clear(); });
+  if (const FrameCause cause = unusable(given, rig.depth, previous); cause != FrameCause::none) {
+    reject(cause, given.problem.value_or(""));
+    return;
+  }
   if (!given.color.empty() && given.color.size() != static_cast<std::size_t>(rig.color_view().width) *
                                                         static_cast<std::size_t>(rig.color_view().height))
     drop("color image size differs from the camera's: only depth is used", [](Frame& f) { f.color.clear(); });
