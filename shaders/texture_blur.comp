@@ -7,7 +7,7 @@
 #include "shaders/texture.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TexturePreparePush push; };
-layout(binding = 0, scalar) readonly buffer Pixels { uvec2 pixels[]; };
+PAIRS(0, pixels);
 layout(binding = 1, scalar) writeonly buffer Blurred { uint blurred[]; };
 
 void main() {
@@ -15,13 +15,13 @@ void main() {
   uint i = thread_index();
   if (i >= size.x * size.y) return;
   ivec2 first = 4 * ivec2(i % size.x, i / size.x) - 4, last = ivec2(push.camera.width, push.camera.height) - 1;
-  uvec2 middle = pixels[uint(min(first.y + 6, last.y)) * push.camera.width + uint(min(first.x + 6, last.x))];
+  uvec2 middle = fetch(pixels, min(first.y + 6, last.y) * (last.x + 1) + min(first.x + 6, last.x));
   float z = unpackHalf2x16(middle.x).x, reach = 0.03 + 0.05 * z;
   vec3 sum = vec3(0.0);
   float total = 0.0;
   for (int k = 0; k < 144; ++k) {
     ivec2 p = clamp(first + ivec2(k % 12, k / 12), ivec2(0), last);
-    uvec2 word = pixels[uint(p.y) * push.camera.width + uint(p.x)];
+    uvec2 word = fetch(pixels, p.y * (last.x + 1) + p.x);
     float there = unpackHalf2x16(word.x).x;
     float w = z == 0.0 || abs(there - z) < reach ? 1.0 : 0.0;
     sum += w * color_of(word.y);

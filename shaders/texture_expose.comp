@@ -6,8 +6,9 @@
 #include "shaders/texture.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureExposePush push; };
-layout(binding = 0, scalar) readonly buffer Gains { vec3 gains[]; };  // row by row
-layout(binding = 1, scalar) buffer Colors { uint colors[]; };  // every push.words-th word, the last of each group
+WORDS(0, gains);  // vec3 by cell, row by row
+WORDS(1, before);  // every push.words-th word is a color, the last of each group
+layout(binding = 2, scalar) writeonly buffer Colors { uint colors[]; };  // same buffer
 
 void main() {
   uint i = thread_index();
@@ -17,9 +18,10 @@ void main() {
   at = clamp(at, vec2(0.0), cells - 1.001);
   uvec2 corner = uvec2(at);
   vec2 f = at - vec2(corner);
-  uint k = corner.y * kGainColumns + corner.x;
-  vec3 above = mix(gains[k], gains[k + 1u], f.x), below = mix(gains[k + kGainColumns], gains[k + kGainColumns + 1u], f.x);
+  int k = 3 * int(corner.y * kGainColumns + corner.x), row = 3 * int(kGainColumns);
+  vec3 above = mix(vec3_at(gains, k), vec3_at(gains, k + 3), f.x);
+  vec3 below = mix(vec3_at(gains, k + row), vec3_at(gains, k + row + 3), f.x);
   uint word = (i + 1u) * push.words - 1u;
-  vec4 color = unpackUnorm4x8(colors[word]);
+  vec4 color = unpackUnorm4x8(fetch(before, int(word)));
   colors[word] = packUnorm4x8(vec4(color.rgb * mix(above, below, f.y), color.a));
 }

@@ -9,8 +9,8 @@
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { TextureReferencePush push; };
 WORDS(0, page_table);
-layout(binding = 1, scalar) readonly buffer Pixels { uvec2 pixels[]; };
-layout(binding = 2, scalar) readonly buffer Model { uvec2 model[]; };  // as in texture_prepare.comp
+PAIRS(1, pixels);
+PAIRS(2, model);  // as in texture_prepare.comp
 layout(binding = 3, scalar) writeonly buffer Reference { uint reference[]; };  // R, G, B; alpha 0: no color
 POOL(4);
 
@@ -27,9 +27,9 @@ void main() {
   float count = 0.0;
   for (int k = 0; k < 9; ++k) {
     ivec2 p = clamp(first + 4 * ivec2(k % 3, k / 3), ivec2(0), last);
-    float measured = unpackHalf2x16(pixels[uint(p.y) * camera.width + uint(p.x)].x).x;
+    float measured = unpackHalf2x16(fetch(pixels, p.y * int(camera.width) + p.x).x).x;
     uvec2 h = min(uvec2(p) >> 1, half_size - 1u);
-    float z = uintBitsToFloat(model[h.y * half_size.x + h.x].x);
+    float z = uintBitsToFloat(fetch(model, int(h.y * half_size.x + h.x)).x);
     if (z == 0.0 || abs(measured - z) > push.tolerance + 3.0 * depth_noise(z)) continue;
     vec3 at = rotate(world_from_camera, z * ray_through(camera, vec2(p))) + world_from_camera.t;
     ivec3 voxel = ivec3(floor(at / volume.voxel_size + 0.5)), brick = voxel >> 3;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -76,6 +77,7 @@ Mesh Texturer::texture(Mesh mesh, const CellMesh& part, int level) {
   const int max_size = run_.options.texture.max_size;
   std::vector<float> sizes = texel_sizes(mesh, level);
   std::optional<TextureAtlas> atlas;
+  std::future<void> images = std::async(std::launch::async, [&] { views_.preload(mesh); });  // beside the charts
   run_.timed("charts", [&] {
     for (int attempts = 0; !atlas; ++attempts) {
       if (attempts == kMaxTries)
@@ -85,6 +87,7 @@ Mesh Texturer::texture(Mesh mesh, const CellMesh& part, int level) {
     }
   });
   const float texel = median(std::move(sizes));
+  run_.timed("texture", [&] { images.get(); });
   mesh = {};  // as large as its texture
   run_.step(run_.cost.charts * part.bricks, "coloring");
   std::size_t points = 0;

@@ -3,11 +3,11 @@
 #include "texture/charts.hpp"
 
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <opencv2/imgproc.hpp>
 #include <unordered_map>
 
@@ -81,6 +81,8 @@ Shape shape_of(const Mesh& mesh) {
   Shape shape;
   const std::size_t n = mesh.triangles.size();
   std::vector<Eigen::Vector3f> weighted;
+  for (auto* values : {&weighted, &shape.normal, &shape.smooth}) values->reserve(n);
+  shape.area.reserve(n);
   for (const auto& t : mesh.triangles) {
     const Eigen::Vector3f& a = mesh.positions[t[0]];
     const Eigen::Vector3f v = 0.5f * (mesh.positions[t[1]] - a).cross(mesh.positions[t[2]] - a);
@@ -92,11 +94,11 @@ Shape shape_of(const Mesh& mesh) {
     std::vector<Eigen::Vector3f> of_vertex(mesh.positions.size(), Eigen::Vector3f::Zero());
     for (std::size_t t = 0; t < n; ++t)
       for (const std::uint32_t v : mesh.triangles[t]) of_vertex[v] += weighted[t];
-    for (std::size_t t = 0; t < n; ++t) {
+    tbb::parallel_for(std::size_t{0}, n, [&](std::size_t t) {
       const auto& [a, b, c] = mesh.triangles[t];
       const Eigen::Vector3f mean = of_vertex[a] + of_vertex[b] + of_vertex[c];
       weighted[t] = shape.area[t] / std::max(mean.norm(), 1e-20f) * mean;
-    }
+    });
   }
   for (std::size_t t = 0; t < n; ++t) shape.smooth.push_back(weighted[t].normalized());
   shape.adjacent.assign(n, {kNone, kNone, kNone});
@@ -316,17 +318,23 @@ std::vector<TextureAtlas::Tile> tiles_of(const Chart& chart, const Mesh& mesh, c
   return tiles;
 }
 
+/// Triangles in the order in which charts grow from them, the largest flat ones first.
+std::vector<std::uint32_t> by_flatness(const Shape& shape) {
+  std::vector<std::pair<float, std::uint32_t>> order(shape.area.size());
+  tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t t) {
+    order[t] = {-shape.area[t] * shape.normal[t].dot(shape.smooth[t]), static_cast<std::uint32_t>(t)};
+  });
+  tbb::parallel_sort(order);
+  std::vector<std::uint32_t> triangles(order.size());
+  std::transform(order.begin(), order.end(), triangles.begin(), [](const auto& o) { return o.second; });
+  return triangles;
+}
+
 }  // namespace
 
 std::vector<Chart> make_charts(const Mesh& mesh, std::span<const float> texels, int max_size) {
   const Shape shape = shape_of(mesh);
   const std::size_t n = mesh.triangles.size();
-  std::vector<std::uint32_t> order(n);
-  std::iota(order.begin(), order.end(), 0u);
-  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const auto flatness = [&](std::uint32_t t) { return shape.area[t] * shape.normal[t].dot(shape.smooth[t]); };
-    return flatness(a) > flatness(b);
-  });
   std::vector<Chart> charts;
   std::vector<std::uint32_t> visit(n, 0);  // by triangle: the last growth that reached it
   std::vector<bool> taken(n, false);
@@ -344,7 +352,7 @@ std::vector<Chart> make_charts(const Mesh& mesh, std::span<const float> texels, 
       }
     return triangles;
   };
-  std::vector<std::uint32_t> seeds = order;
+  std::vector<std::uint32_t> seeds = by_flatness(shape);
   while (!seeds.empty()) {
     std::vector<std::uint32_t> retry;
     for (const std::uint32_t seed : seeds) {

@@ -24,6 +24,7 @@ namespace {
 constexpr float kDepthTolerance = 0.02f;   // meters in addition to the noise, maximum distance between the surface and
                                            // a keyframe's depth
 constexpr std::size_t kBatchTiles = 4096;  // colored per dispatch
+constexpr std::size_t kPreloadStep = 16;   // vertices tested for visibility: every n-th
 constexpr double kMinColor = 12, kMaxColor = 250;  // of 255; others carry no information about exposure
 constexpr double kMaxGain = 1.0;                   // limit of the logarithm
 constexpr double kPriorShare = 0.5;  // weight of the image's mean gain in a cell, relative to all pixels of the cell
@@ -141,8 +142,9 @@ void TextureViews::equalize(OnDevice& image, const Eigen::Isometry3d& pose, cons
   gpu::Batch batch(device_);
   batch.upload(gains_, gains);
   expose_(batch, {pixels_of(camera_), 1, 1}, {.width = camera.width, .height = camera.height, .words = 2},
-          {&gains_, &image.pixels});
-  expose_(batch, {columns * rows, 1, 1}, {.width = columns, .height = rows, .words = 1}, {&gains_, &image.blurred});
+          {&gains_, &image.pixels, &image.pixels});
+  expose_(batch, {columns * rows, 1, 1}, {.width = columns, .height = rows, .words = 1},
+          {&gains_, &image.blurred, &image.blurred});
   batch.submit();
 }
 
@@ -294,6 +296,15 @@ void TextureViews::blend_tiles(const TextureAtlas& atlas, std::span<const Tile> 
          {&buffers.points, &buffers.views, &buffers.chosen, &buffers.colors});
   batch.download(buffers.colors, buffers.tile_colors);
   batch.run();
+}
+
+void TextureViews::preload(const Mesh& mesh) {
+  std::vector<Tile> places;
+  places.reserve(mesh.positions.size() / kPreloadStep + 1);
+  for (std::size_t v = 0; v < mesh.positions.size(); v += kPreloadStep)
+    places.push_back({.code = 0, .index = v, .middle = mesh.positions[v], .normal = mesh.normals[v]});
+  const std::vector<std::size_t> selected = keyframes_that_see(places);
+  if (selected.size() < capacity_) load_images(selected);
 }
 
 std::size_t TextureViews::blend(TextureAtlas& atlas, const VoxelColors* unseen,

@@ -36,6 +36,9 @@ class TextureViews {
   /// True if any keyframe has color.
   [[nodiscard]] bool has_color();
 
+  /// Loads the images of all keyframes that see the mesh, if the device holds them. Needs the device alone.
+  void preload(const Mesh& mesh);
+
   /// Colors the texture of the atlas. Returns the number of points visible in a keyframe; all other points get the
   /// color of `unseen`, if given, else of the mesh's vertices. `step` is called after each batch with its share of the
   /// work.

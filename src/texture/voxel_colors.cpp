@@ -7,6 +7,7 @@
 namespace cairn {
 
 VoxelColors::VoxelColors(const Mesh& mesh, float size) : size_(size) {
+  means_.reserve(mesh.colors.size() / 2);
   for (std::size_t v = 0; v < mesh.colors.size(); ++v) {
     Mean& mean = means_[(mesh.positions[v] / size).array().floor().matrix().cast<int>()];
     mean.sum += Eigen::Vector3f(mesh.colors[v][0], mesh.colors[v][1], mesh.colors[v][2]);
