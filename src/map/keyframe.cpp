@@ -94,13 +94,16 @@ std::filesystem::path KeyframeStore::file(std::size_t keyframe, const char* name
 }
 
 void KeyframeStore::put(std::size_t keyframe, const Frame& frame, Features features) {
-  const auto corners = std::make_shared<const Features>(std::move(features));
+  put(keyframe, frame, ready(std::move(features)));
+}
+
+void KeyframeStore::put(std::size_t keyframe, const Frame& frame, FutureFeatures features) {
   const auto lock = wait_and_lock();
-  cache(keyframe, corners);
+  cache(keyframe, features);
   writing_ =
-      std::async(std::launch::async, [this, keyframe, depth = frame.depth, color = frame.color, corners]() mutable {
+      std::async(std::launch::async, [this, keyframe, depth = frame.depth, color = frame.color, features]() mutable {
         Packed packed;
-        packed.corners = bytes_of(*corners);
+        packed.corners = bytes_of(*features_or_none(features));
         packed_.erase(keyframe);
         try {
           packed.depth = encode_depth(depth, rig_.depth, kDepthStepsPerMeter);
@@ -177,12 +180,12 @@ std::shared_ptr<const Features> KeyframeStore::features(std::size_t keyframe) co
   const auto bytes = stored_bytes(keyframe, &Packed::corners, kCorners);
   if (bytes.empty() || bytes.size() % sizeof(StoredFeature) != 1)
     throw std::runtime_error(file(keyframe, kCorners).string() + ": is missing or broken; " + kRemedy);
-  auto features = std::make_shared<const Features>(features_in(bytes));
+  const FutureFeatures features = ready(features_in(bytes));
   cache(keyframe, features);
-  return features;
+  return features.get();
 }
 
-void KeyframeStore::cache(std::size_t keyframe, std::shared_ptr<const Features> features) const {
+void KeyframeStore::cache(std::size_t keyframe, FutureFeatures features) const {
   const std::lock_guard lock(cache_mutex_);
   cache_[keyframe] = {std::move(features), ++use_};
   if (cache_.size() <= kMaxCachedFeatures) return;
@@ -191,11 +194,15 @@ void KeyframeStore::cache(std::size_t keyframe, std::shared_ptr<const Features> 
 }
 
 std::shared_ptr<const Features> KeyframeStore::cached(std::size_t keyframe) const {
-  const std::lock_guard lock(cache_mutex_);
-  const auto found = cache_.find(keyframe);
-  if (found == cache_.end()) return nullptr;
-  found->second.last_use = ++use_;
-  return found->second.features;
+  FutureFeatures features;
+  {
+    const std::lock_guard lock(cache_mutex_);
+    const auto found = cache_.find(keyframe);
+    if (found == cache_.end()) return nullptr;
+    found->second.last_use = ++use_;
+    features = found->second.features;
+  }
+  return features_or_none(features);
 }
 
 namespace {

@@ -58,6 +58,7 @@ class KeyframeStore {
   KeyframeStore(const Rig& rig, NumberedFiles files, Access access = Access::write);
   /// Compresses and writes in a background thread. `keyframe` counts up, or is an existing index to overwrite. Data
   /// that cannot be written stays in memory; store() tries again.
+  void put(std::size_t keyframe, const Frame& frame, FutureFeatures features);
   void put(std::size_t keyframe, const Frame& frame, Features features);
   /// Corrects the stored depth. Throws std::runtime_error for a keyframe of another map, whose files are read-only.
   void correct(std::size_t keyframe, const DepthCorrection& correction);
@@ -81,7 +82,7 @@ class KeyframeStore {
     std::vector<std::uint8_t> depth, color, corners;
   };
   struct CacheEntry {
-    std::shared_ptr<const Features> features;
+    FutureFeatures features;
     std::uint64_t last_use = 0;
   };
   void write(std::size_t keyframe, const Packed& packed) const;
@@ -91,7 +92,7 @@ class KeyframeStore {
   /// Stored bytes from memory, or else from a file; empty if missing.
   [[nodiscard]] std::vector<std::uint8_t> stored_bytes(std::size_t keyframe, std::vector<std::uint8_t> Packed::*part,
                                                        const char* name) const;
-  void cache(std::size_t keyframe, std::shared_ptr<const Features> features) const;
+  void cache(std::size_t keyframe, FutureFeatures features) const;
   [[nodiscard]] std::shared_ptr<const Features> cached(std::size_t keyframe) const;
   Rig rig_;
   NumberedFiles files_;

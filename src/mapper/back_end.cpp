@@ -21,6 +21,7 @@ constexpr double kManyKeyframesShare = 0.75;  // share of submap_keyframes
 constexpr double kSparseDistanceFactor = 2;
 constexpr int kMinCoveringKeyframes = 6;  // keyframes of earlier submaps that saw the same surface: at least two visits
 constexpr double kIdentityTolerance = 1e-4;  // m, rad
+constexpr const char* kNoFeatures = "keyframes without features are not recognized";
 
 double milliseconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
@@ -57,9 +58,7 @@ bool BackEnd::add(const Frame& frame, const FramePyramid& live, const Eigen::Iso
     // If the whole map was searched, the new submap is still empty.
     if (!starts_component && submap_begin_ < atlas_.keyframes.size() && is_full(submap_from_camera, volume))
       end_submap(volume, fused_count, true);
-    Features features;
-    warnings_.attempt("keyframes without features are not recognized",
-                      [&] { features = features_of(live, rig_, device_); });
+    start_features(live);
     atlas_.add({.frame = frame.index,
                 .timestamp = frame.timestamp,
                 .color_delay = frame.color_delay,
@@ -74,15 +73,29 @@ bool BackEnd::add(const Frame& frame, const FramePyramid& live, const Eigen::Iso
                 .device_drift = drift,
                 .structure = structure_.find(live.images().depth)});
     drift_.update(atlas_.keyframes);
-    database_.add(submap_from_camera, features);
+    database_.add(submap_from_camera, features_);
     warnings_.attempt("keyframes without images have no loop closures",
-                      [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), std::move(features)); });
+                      [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), features_); });
     if (starts_component && tracks_in_world_) add_anchor_edge(information);
     if (has_drift) attempt_optimization([&] { scheduler_.start(atlas_); });
     start_search();
   }
   atlas_.add_frame(frame.timestamp, submap_from_camera, frame.acceleration);
   return is_keyframe;
+}
+
+void BackEnd::start_features(const FramePyramid& live) {
+  await_features();
+  features_ = ready({});
+  warnings_.attempt(kNoFeatures, [&] {
+    features_ = std::async(std::launch::async, [images = feature_images(live, rig_, device_)] {
+                  return std::make_shared<const Features>(extract_features(images.color, images.depth, images.camera));
+                }).share();
+  });
+}
+
+void BackEnd::await_features() {
+  if (features_.valid()) warnings_.attempt(kNoFeatures, [&] { (void)features_.get(); });
 }
 
 bool BackEnd::hold_out(double timestamp, const Eigen::Isometry3d& submap_from_camera) {
@@ -231,6 +244,7 @@ void BackEnd::attempt_optimization(const std::function<void()>& stage) {
 }
 
 void BackEnd::finish_optimization() {
+  await_features();
   attempt_optimization([&] { scheduler_.take_closing(atlas_); });
   (void)take_search_result();
   attempt_optimization([&] { scheduler_.finish(atlas_); });

@@ -124,6 +124,10 @@ class BackEnd {
   void start_search();
   [[nodiscard]] bool take_search_result();
   void begin_component();
+  /// Extracts the features of a keyframe beside tracking.
+  void start_features(const FramePyramid& live);
+  /// Waits for the features of the last keyframe. Their failure is a warning.
+  void await_features();
   void add_anchor_edge(const Matrix6d* information);
   void attempt_optimization(const std::function<void()>& stage);
   [[nodiscard]] bool is_new_view(const Eigen::Isometry3d& submap_from_camera) const;
@@ -149,6 +153,7 @@ class BackEnd {
   bool starts_component_ = true;    // the next frame starts a component
   bool optimizes_ = true;           // false once an optimization has failed
   std::future<Candidates> search_;  // for the last keyframe
+  FutureFeatures features_;         // of the last keyframe
   GraphScheduler scheduler_;
   Counts counts_;
   Warnings warnings_;

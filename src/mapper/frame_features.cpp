@@ -9,24 +9,27 @@
 
 namespace cairn {
 
-Features features_of(const FramePyramid& live, const Rig& rig, gpu::Device& device) {
-  if (!rig.color) {
-    const Frame& frame = live.images();
-    return extract_features(frame.color, frame.depth, rig.depth);
-  }
-  const Camera camera = rig.depth.rectified();
+FeatureImages feature_images(const FramePyramid& live, const Rig& rig, gpu::Device& device) {
+  if (!rig.color) return {live.images().color, live.images().depth, rig.depth};
+  FeatureImages images{{}, {}, rig.depth.rectified()};
+  const Camera& camera = images.camera;
   std::vector<shader::uvec2> pixels(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height));
   live.register_color_to_depth();
   gpu::Batch batch(device);
   batch.download(*live.fusion, pixels);
   batch.run();
-  std::vector<float> depth;
-  std::vector<std::uint32_t> color;
+  images.depth.reserve(pixels.size());
+  if (live.has_color) images.color.reserve(pixels.size());
   for (const auto& [bits, rgb] : pixels) {
-    depth.push_back(std::bit_cast<float>(bits));
-    if (live.has_color) color.push_back(rgb);
+    images.depth.push_back(std::bit_cast<float>(bits));
+    if (live.has_color) images.color.push_back(rgb);
   }
-  return extract_features(color, depth, camera);
+  return images;
+}
+
+Features features_of(const FramePyramid& live, const Rig& rig, gpu::Device& device) {
+  const FeatureImages images = feature_images(live, rig, device);
+  return extract_features(images.color, images.depth, images.camera);
 }
 
 }  // namespace cairn

@@ -115,7 +115,7 @@ void GivenPoses::add_keyframe(const Frame& frame, const FramePyramid& live) {
   if (!keyframes_.empty() &&
       !exceeds_keyframe_distance(poses_[keyframes_.back().pose].world_from_camera, *frame.world_from_camera))
     return;
-  images_.put(keyframes_.size(), live.images(), {});
+  images_.put(keyframes_.size(), live.images(), Features{});
   keyframes_.push_back({poses_.size(), frame.color_delay});
 }
 

@@ -5,6 +5,8 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <future>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -17,6 +19,12 @@ struct Features {
   std::vector<Eigen::Vector3d> points;                    // meters, camera frame; z = 0: no depth
   std::vector<std::array<std::uint8_t, 32>> descriptors;  // ORB (Rublee et al. 2011)
 };
+
+/// Features that another thread extracts.
+using FutureFeatures = std::shared_future<std::shared_ptr<const Features>>;
+[[nodiscard]] FutureFeatures ready(Features features);
+/// Waits for features. None if their extraction failed.
+[[nodiscard]] std::shared_ptr<const Features> features_or_none(const FutureFeatures& features);
 
 /// Extracts oriented FAST corners with binary descriptors. `color` (bytes R, G, B, 255) and `depth` (meters) are of
 /// the camera's size. Without color, extracts corners from the shaded surface.

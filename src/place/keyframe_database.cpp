@@ -46,7 +46,35 @@ void KeyframeDatabase::add(const std::optional<Eigen::Isometry3d>& tracked_from_
   index(features);
 }
 
+void KeyframeDatabase::add(const std::optional<Eigen::Isometry3d>& tracked_from_camera, FutureFeatures features) {
+  add(tracked_from_camera);
+  const std::lock_guard lock(mutex_);
+  pending_.push_back(std::move(features));
+}
+
 void KeyframeDatabase::index(const Features& features) {
+  const auto lock = index_pending();
+  index_locked(features);
+}
+
+std::size_t KeyframeDatabase::indexed() const {
+  const auto lock = index_pending();
+  return feature_norms_.size();
+}
+
+InvertedIndex::Bytes KeyframeDatabase::bytes() const {
+  const auto lock = index_pending();
+  return index_.bytes();
+}
+
+std::unique_lock<std::mutex> KeyframeDatabase::index_pending() const {
+  std::unique_lock lock(mutex_);
+  for (const FutureFeatures& features : pending_) index_locked(*features_or_none(features));
+  pending_.clear();
+  return lock;
+}
+
+void KeyframeDatabase::index_locked(const Features& features) const {
   index_.add(keys_of(features));
   feature_norms_.push_back(std::sqrt(static_cast<float>(std::max<std::size_t>(1, features.rays.size()))));
 }
@@ -63,6 +91,7 @@ std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::query_tracked(const F
 
 std::vector<KeyframeDatabase::Candidate> KeyframeDatabase::most_similar(
     const Features& features, std::size_t count, const std::function<bool(std::size_t)>& is_candidate) const {
+  const auto lock = index_pending();
   const std::vector<float> scores = index_.rarity_in_common(keys_of(features));
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < scores.size(); ++i)

@@ -265,7 +265,7 @@ TEST(BackEnd, KeepsUnwrittenDataInMemoryAndRetries) {
   tree.put({1, 2, 3}, BrickVoxels{5});
   submaps.add(brick_list_of(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
-  keyframes.put(0, frame, {});
+  keyframes.put(0, frame, Features{});
   for (const auto& problem : {submaps.store(), keyframes.store()}) EXPECT_TRUE(problem);
   EXPECT_EQ(submaps.voxels(0, kAnywhere)->size(), 1u);
   EXPECT_EQ(keyframes.get(0).depth, frame.depth);
@@ -305,7 +305,7 @@ TEST(BackEnd, WritesNothingIntoAReadOnlySession) {
   tree.put({1, 2, 3}, BrickVoxels{5});
   submaps.add(brick_list_of(tree));
   const Frame frame{.depth = std::vector<float>(320 * 240, 1.5f)};
-  keyframes.put(0, frame, {});
+  keyframes.put(0, frame, Features{});
   EXPECT_FALSE(submaps.store() || keyframes.store());
   EXPECT_EQ(submaps.voxels(0, kAnywhere)->size(), 1u);
   EXPECT_EQ(keyframes.get(0).depth, frame.depth);

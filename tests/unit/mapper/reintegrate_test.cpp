@@ -31,7 +31,7 @@ TEST(KeyframeStore, DropsDepthThatItsFilesCannotStore) {
   KeyframeStore store(kSmall, {});
   Frame frame = scene_frame(synthetic_scene("room"), kSmall, 0);
   frame.depth[0] = 13.0f, frame.depth[1] = 13.2f, frame.depth[2] = 19.0f;
-  store.put(0, frame, {});
+  store.put(0, frame, Features{});
   const Frame kept = store.get(0);
   EXPECT_NEAR(kept.depth[0], 13.0f, 2e-4f);  // quantization of the files
   EXPECT_EQ(kept.depth[1], 0.0f);

@@ -74,5 +74,33 @@ TEST(KeyframeDatabase, RespectsTheQueryRange) {
   EXPECT_TRUE(std::none_of(tracked.begin(), tracked.end(), [](const auto& a) { return a.entry == 5; }));
 }
 
+TEST(KeyframeDatabase, WaitsForFeaturesOfOtherThreads) {
+  const auto features = [](std::uint8_t seed) {
+    Features f;
+    for (std::uint8_t i = 0; i < 40; ++i) {
+      f.rays.emplace_back(0.01 * i, 0);
+      f.points.emplace_back(0.01 * i, 0, 1);
+      f.descriptors.push_back({});
+      for (std::size_t k = 0; k < 32; ++k)
+        f.descriptors.back()[k] = static_cast<std::uint8_t>(7 * seed + 31 * i + 13 * k * seed);
+    }
+    return f;
+  };
+  const auto later = [](Features f) {
+    return std::async(std::launch::async, [f = std::move(f)] { return std::make_shared<const Features>(f); }).share();
+  };
+  KeyframeDatabase places;
+  places.add(Eigen::Isometry3d::Identity(), later(features(1)));
+  const FutureFeatures failed = std::async(
+      std::launch::async, []() -> std::shared_ptr<const Features> { throw std::runtime_error("no memory"); });
+  places.add(Eigen::Isometry3d::Identity(), failed);
+  places.add(Eigen::Isometry3d::Identity(), later(features(2)));
+  const auto found = places.query(features(2), 1);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].entry, 2u);
+  EXPECT_EQ(places.indexed(), 3u);
+  EXPECT_TRUE(features_or_none(failed)->rays.empty());
+}
+
 }  // namespace
 }  // namespace cairn
