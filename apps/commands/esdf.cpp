@@ -149,7 +149,7 @@ Trajectory camera_path(const fs::path& folder, bool is_needed) {
 
 /// A map, or a cell of a map, to query.
 struct Source {
-  Map& map;
+  std::function<Map&()> map;  // loads it
   std::function<void(Up)> set_up_axis;
   std::function<bool(const Eigen::Vector3f&)> contains;  // empty: all points
   std::function<std::shared_ptr<const DistanceField>(const std::shared_ptr<const DistanceField>&)> crop;
@@ -216,17 +216,18 @@ void EsdfQueries::answer(const DistanceField& field, const std::function<bool(co
 bool EsdfQueries::add(Source source, Trajectory visited, bool always) {
   const auto start = Clock::now();
   if (a_.up) {
-    const Eigen::Quaterniond before = source.map.upright().world_from_tracked;
+    const Eigen::Quaterniond before = source.map().upright().world_from_tracked;
     source.set_up_axis(*a_.up);
-    const Eigen::Isometry3d rotation(source.map.upright().world_from_tracked * before.conjugate());
+    const Eigen::Isometry3d rotation(source.map().upright().world_from_tracked * before.conjugate());
     for (StampedPose& pose : visited) pose.world_from_camera = rotation * pose.world_from_camera;
   }
   if (!always && !needs(source.contains)) return false;
   EsdfOptions options = a_.esdf;
   options.robot_radius = a_.robot_radius.value_or(options.robot_radius);
-  const auto field = source.map.distances(options, visited);
+  Map& map = source.map();
+  const auto field = map.distances(options, visited);
   field_ = source.crop ? source.crop(field) : field;
-  if (const GravityAlignment upright = source.map.upright(); costmap_ && !upright.known && voxels_ == 0)
+  if (const GravityAlignment upright = map.upright(); costmap_ && !upright.known && voxels_ == 0)
     spdlog::warn("{}: may be tilted, since the gravity direction is {}", a_.costmaps[0].string(),
                  with_flag_names(upright.description));
   seconds_ += seconds_since(start);
@@ -236,7 +237,7 @@ bool EsdfQueries::add(Source source, Trajectory visited, bool always) {
   const Eigen::AlignedBox3f box = field_->bounds();
   box_.extend(box);
   answer(*field, source.contains);
-  if (costmap_) costmap_->add(*field, source.map.mesh(), box, source.contains);
+  if (costmap_) costmap_->add(*field, map.mesh(), box, source.contains);
   return true;
 }
 
@@ -287,7 +288,7 @@ void query_cells(const Arguments& a, EsdfQueries& answers, const Trajectory& vis
     throw std::runtime_error(a.map.string() + ": has no cells yet; run cairn optimize " + quoted(a.map));
   const auto query_cell = [&](const std::array<int, 3>& cell, bool always) {
     CellMap cell_map(a.map, cell, static_cast<double>(a.esdf.max_distance), a.device);
-    return answers.add({.map = cell_map.map(),
+    return answers.add({.map = [&cell_map]() -> Map& { return cell_map.map(); },
                         .set_up_axis = [&cell_map](Up up) { cell_map.set_up_axis(up); },
                         .contains = [&cell_map](const Eigen::Vector3f& point) { return cell_map.contains(point); },
                         .crop = [&cell_map](const auto& field) { return cell_map.within(*field); }},
@@ -327,7 +328,10 @@ void esdf(const Arguments& a) {
     const fs::path vdb = grids_file(a.map);
     Trajectory visited = camera_path(vdb.parent_path().empty() ? fs::path(".") : vdb.parent_path(), is_radius_needed);
     Map map = Map::open(vdb, a.device);
-    answers.add({.map = map, .set_up_axis = [&map](Up up) { map.set_up_axis(up); }, .contains = {}, .crop = {}},
+    answers.add({.map = [&map]() -> Map& { return map; },
+                 .set_up_axis = [&map](Up up) { map.set_up_axis(up); },
+                 .contains = {},
+                 .crop = {}},
                 std::move(visited), true);
   }
   answers.write();

@@ -30,45 +30,36 @@ constexpr const char* kVoxels = "map.vdb";
 
 }  // namespace
 
-/// Voxels of a cell and of its surroundings.
-struct CellMap::Surroundings {
-  Surroundings(const fs::path& plan, const CellName& name, double max_distance, int device_index)
-      : cell(name), device(device_index) {
-    const std::vector<CellName> cells = cells_of(plan);
-    if (!std::binary_search(cells.begin(), cells.end(), cell))
-      throw std::runtime_error(cell_file(plan, cell).string() + ": is missing: the map does not reach this cell");
-    file = file_of_cell(plan, cell, kVoxels);
-    const MapFile own(file);
-    grids.info = own.info();
-    const double brick = 8.0 * static_cast<double>(grids.info.voxel_size);
-    const Brick margin =
-        Brick::Constant(kMarginBricks + static_cast<int>(std::ceil(std::max(kMinMargin, max_distance) / brick)));
-    box = Cells::box_of(brick_of(cell));
-    box = {box.min() - margin, box.max() + margin};
-    own.read(box, grids.tree);
-    for (const CellName& other : cells)
-      if (other != cell && box.intersects(Cells::box_of(brick_of(other))))
-        MapFile(file_of_cell(plan, other, kVoxels)).read(box, grids.tree);
-  }
-  CellName cell;
-  int device;
-  fs::path file;
-  BrickBox box;
-  ReadGrids grids;
-};
-
 CellMap::CellMap(const fs::path& plan, const CellName& cell, double max_distance, int device)
-    : CellMap(Surroundings(plan, cell, max_distance, device)) {}
+    : plan_(plan), cell_(cell), max_distance_(max_distance), device_(device) {
+  const std::vector<CellName> cells = cells_of(plan);
+  if (!std::binary_search(cells.begin(), cells.end(), cell))
+    throw std::runtime_error(cell_file(plan, cell).string() + ": is missing: the map does not reach this cell");
+  const GridInfo info = MapFile(file_of_cell(plan, cell, kVoxels)).info();
+  voxel_size_ = info.voxel_size;
+  world_from_map_ = info.upright.world_from_tracked.cast<float>();
+}
 
-CellMap::CellMap(Surroundings surroundings)
-    : cell_(surroundings.cell),
-      voxel_size_(surroundings.grids.info.voxel_size),
-      map_(map_of_box(surroundings.file, std::move(surroundings.grids), surroundings.box, surroundings.device)),
-      world_from_map_(map_.upright().world_from_tracked.cast<float>()) {}
+Map& CellMap::map() {
+  if (map_) return *map_;
+  const fs::path file = file_of_cell(plan_, cell_, kVoxels);
+  const MapFile own(file);
+  ReadGrids grids{.info = own.info()};
+  const double brick = 8.0 * static_cast<double>(voxel_size_);
+  const Brick margin =
+      Brick::Constant(kMarginBricks + static_cast<int>(std::ceil(std::max(kMinMargin, max_distance_) / brick)));
+  BrickBox box = Cells::box_of(brick_of(cell_));
+  box = {box.min() - margin, box.max() + margin};
+  own.read(box, grids.tree);
+  for (const CellName& other : cells_of(plan_))
+    if (other != cell_ && box.intersects(Cells::box_of(brick_of(other))))
+      MapFile(file_of_cell(plan_, other, kVoxels)).read(box, grids.tree);
+  return map_.emplace(map_of_box(file, std::move(grids), box, device_));
+}
 
 void CellMap::set_up_axis(Up up) {
-  map_.set_up_axis(up);
-  world_from_map_ = map_.upright().world_from_tracked.cast<float>();
+  map().set_up_axis(up);
+  world_from_map_ = map().upright().world_from_tracked.cast<float>();
 }
 
 bool CellMap::contains(const Eigen::Vector3f& point) const {

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "base/json_text.hpp"
+#include "cairn/building/project.hpp"
 #include "cairn/eval/evaluation.hpp"
 #include "cairn/io/source.hpp"
 #include "cairn/mapping/esdf.hpp"
@@ -179,6 +180,16 @@ TEST_F(MapOfParts, HasTheSameDistancesCellByCell) {
       expect_done({"esdf", plan.string(), "--query", in("far.csv"), "--json", "-o", in("far_answers.csv")}));
   EXPECT_EQ(far["points"], 1);
   EXPECT_EQ(far["known_points"], 0);
+  {  // a cell knows its points before its neighbors' voxels are read
+    const auto [x, y, z] = cells_of(plan)[1];
+    const fs::path neighbor = plan / "tiles" / fmt::format("{},{},{}", x, y, z) / "map.vdb", hidden = plan / "hidden";
+    fs::rename(neighbor, hidden);
+    CellMap cell(plan, cells_of(plan)[0], 0.7);
+    EXPECT_FALSE(cell.contains({99, 99, 99}));
+    EXPECT_THROW((void)cell.map(), std::runtime_error);
+    fs::rename(hidden, neighbor);
+    EXPECT_NO_THROW((void)cell.map());
+  }
   std::vector<DistanceField> fields;
   for (const std::string& cell : cells()) {
     expect_done({"esdf", plan.string(), "--cell=" + cell, "-o", in("tiles/" + cell + "/esdf.vdb"), "--max-distance",

@@ -129,24 +129,26 @@ struct SegmentSurface {
 /// independent of the map's size.
 class CellMap {
  public:
-  /// Loads all voxels needed for distances up to `max_distance` meters in the cell. Throws std::runtime_error for a
-  /// cell outside the map, and if a required neighbor has not been exported.
+  /// `max_distance`: of distance fields, meters. Throws std::runtime_error for a cell outside the map.
   CellMap(const std::filesystem::path& plan, const std::array<int, 3>& cell, double max_distance, int device = -1);
 
-  [[nodiscard]] Map& map() { return map_; }  ///< grids only, without colors
-  void set_up_axis(Up up);                   ///< same as Map::set_up_axis
+  /// Grids without colors. The first call loads all voxels needed for distances up to `max_distance` in the cell, and
+  /// throws std::runtime_error if a required neighbor has not been exported.
+  [[nodiscard]] Map& map();
+  void set_up_axis(Up up);  ///< same as Map::set_up_axis
   /// True if a world point is in this cell; each point is in exactly one cell.
   [[nodiscard]] bool contains(const Eigen::Vector3f& point) const;
   /// Crops a distance field of map() to the cell; identical there to the field of the entire map.
   [[nodiscard]] std::shared_ptr<const DistanceField> within(const DistanceField& field) const;
 
  private:
-  struct Surroundings;
-  explicit CellMap(Surroundings surroundings);
+  std::filesystem::path plan_;
   std::array<int, 3> cell_;
+  double max_distance_;
+  int device_;
   float voxel_size_;
-  Map map_;
   Eigen::Quaternionf world_from_map_;
+  std::optional<Map> map_;
 };
 
 /// Writes a tileset over the existing cells of a project's map, PLAN/tiles/X,Y,Z/tileset.json. Returns their number.
