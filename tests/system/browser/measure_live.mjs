@@ -22,7 +22,8 @@ await withBrowser(async (open, errors) => {
     await page.screenshot({ path: join(pictures, 'live-measured.jpg'), quality: 82 });
     console.log(`first mesh in the page after ${first} ms, with the start of the program`);
   } else {
-    await page.goto(`${url}data.json`);
+    await page.route(url, (route) => route.fulfill({ contentType: 'text/html', body: '' }));  // the origin, no page
+    await page.goto(url);
     await page.evaluate((address) => {
       window.received = 0;
       const socket = new WebSocket(address.replace('http', 'ws') + 'live');
