@@ -81,9 +81,11 @@ int parse_scale(const std::string& text) {
   return static_cast<int>(*scale);
 }
 
+constexpr float kLasSpacing = 0.01f;  // meters, default of --points for .las
+
 bool is_floor_plan(const fs::path& file) {
   const std::string extension = extension_of(file);
-  return extension == ".svg" || extension == ".pdf" || extension == ".dxf";
+  return extension == ".svg" || extension == ".pdf" || extension == ".dxf" || extension == ".ifc";
 }
 
 bool has_session(const fs::path& map) { return fs::exists(map / "session" / "state.cbor"); }
@@ -253,7 +255,7 @@ void run_export(const Arguments& a) {
   if (a.plan_requested && (a.program || !is_floor_plan(a.output)))
     throw CLI::ValidationError("--output", a.output.string() +
                                                ": --scale, --height, --path, --loops, --coverage and --title "
-                                               "are for floor plans, X.svg, X.pdf and X.dxf");
+                                               "are for floor plans, X.svg, X.pdf, X.dxf and X.ifc");
   check_outputs(a);
   if (const fs::path folder = a.output.parent_path(); !folder.empty()) prepare_output(folder);
   require_folder(a);
@@ -275,7 +277,8 @@ void run_export(const Arguments& a) {
 ExportOptions MeshArguments::for_file(const fs::path& file) const {
   ExportOptions options = *this;
   const std::string extension = extension_of(file);
-  const bool may_have_texture = extension != ".ply" && extension != ".stl" && point_spacing <= 0;
+  const bool may_have_texture = extension != ".ply" && extension != ".stl" && extension != ".las" && point_spacing <= 0;
+  if (extension == ".las" && options.point_spacing <= 0) options.point_spacing = kLasSpacing;
   options.texture.enabled = texture_requested || (may_have_texture && !no_texture);
   return options;
 }
@@ -399,16 +402,19 @@ void add_export(CLI::App& program) {
       ->required()
       ->check(CLI::ExistingPath);
   command
-      ->add_option("-o,--output", a->output,
-                   "X.glb, X.gltf, X.ply, X.obj, X.stl: for printing, meters, z up, tileset.json: 3D Tiles 1.1 with "
-                   "levels of detail, X.vdb: the grids, X.pdf, X.svg, X.dxf: a floor plan to scale, "
-                   "with a page, or X-1.svg, X-2.svg, for each storey, or with --for a new folder")
+      ->add_option(
+          "-o,--output", a->output,
+          "X.glb, X.gltf, X.ply, X.obj, X.usdz, X.stl: for printing, meters, z up, X.las: points, tileset.json: 3D "
+          "Tiles 1.1 with "
+          "levels of detail, X.vdb: the grids, X.pdf, X.svg, X.dxf: a floor plan to scale, X.ifc: a building model, "
+          "with a page, or X-1.svg, X-2.svg, for each storey, or with --for a new folder")
       ->required()
       ->type_name(kPath);
   add_export_options(*command, a->options);
-  add_number(*command, "--points", a->options.point_spacing,
-             {.min = 0, .max = export_range_of("ExportOptions::point_spacing").max, .is_open = true}, Unit::meters,
-             "X.ply: points with this spacing, no triangles; with --for, the initial points of the program [0.02]")
+  add_number(
+      *command, "--points", a->options.point_spacing,
+      {.min = 0, .max = export_range_of("ExportOptions::point_spacing").max, .is_open = true}, Unit::meters,
+      "X.ply, X.las: points with this spacing, no triangles; with --for, the initial points of the program [0.02]")
       ->group("Mesh");
   add_number(*command, "--lods", a->options.levels, export_range_of("ExportOptions::levels"),
              "Levels of detail, each with a quarter of the triangles: X.glb, X.lod1.glb, ...")

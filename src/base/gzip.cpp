@@ -64,4 +64,9 @@ std::vector<std::uint8_t> gunzip(std::span<const std::uint8_t> file, std::size_t
   return content;
 }
 
+std::uint32_t crc32_of(std::string_view bytes, std::uint32_t before) {
+  return static_cast<std::uint32_t>(
+      crc32_z(before, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
+}
+
 }  // namespace cairn

@@ -71,10 +71,10 @@ void check(const ViewsOptions& o) {
 void check(const ExportOptions& o, const std::filesystem::path& file) {
   const std::string extension = extension_of(file);
   if (extension != ".glb" && extension != ".gltf" && extension != ".ply" && extension != ".obj" &&
-      extension != ".stl" && extension != ".json")
+      extension != ".stl" && extension != ".usdz" && extension != ".las" && extension != ".json")
     throw std::runtime_error(
-        fmt::format("{}: '{}' is not a supported output format; use .glb, .gltf, .ply, .obj, .stl, or "
-                    "tileset.json for 3D Tiles",
+        fmt::format("{}: '{}' is not a supported output format; use .glb, .gltf, .ply, .obj, .stl, .usdz, "
+                    ".las, or tileset.json for 3D Tiles",
                     file.string(), file.extension().string()));
   check_range("SimplifyOptions::ratio", o.simplify.ratio);
   if (o.simplify.triangles > 0) {
@@ -98,9 +98,14 @@ void check(const ExportOptions& o, const std::filesystem::path& file) {
   const auto refuse = [&](const char* what, const char* why) {
     throw std::runtime_error(fmt::format("{}: {} {}", file.string(), what, why));
   };
-  if (o.texture.enabled && (extension == ".ply" || extension == ".stl"))
-    refuse("TextureOptions::enabled", "needs .glb, .gltf, .obj or tileset.json: PLY and STL have no textures");
-  if (o.point_spacing > 0 && extension != ".ply") refuse("ExportOptions::point_spacing", "needs .ply");
+  if (o.texture.enabled && (extension == ".ply" || extension == ".stl" || extension == ".las"))
+    refuse("TextureOptions::enabled",
+           "needs .glb, .gltf, .obj, .usdz or tileset.json: PLY, STL and LAS have no textures");
+  if (o.point_spacing > 0 && extension != ".ply" && extension != ".las")
+    refuse("ExportOptions::point_spacing", "needs .ply or .las");
+  if (o.point_spacing <= 0 && extension == ".las") refuse("ExportOptions::point_spacing", "is missing for .las");
+  if (extension == ".usdz" && o.axes != Axes::automatic && o.axes != Axes::y_up)
+    refuse("ExportOptions::axes", "must be yup for USDZ");
   if (o.compression != Compression::none && extension != ".glb" && extension != ".gltf" && extension != ".json")
     refuse("ExportOptions::compression", "needs .glb, .gltf or tileset.json");
   if (o.cameras && !is_gltf(file)) refuse("ExportOptions::cameras", "needs .glb or .gltf");

@@ -12,6 +12,7 @@
 #include "base/file_name.hpp"
 #include "export/check_range.hpp"
 #include "export/export_run.hpp"
+#include "floor_plan/ifc.hpp"
 #include "floor_plan/layout.hpp"
 #include "floor_plan/storeys.hpp"
 #include "geometry/mesh_vertices.hpp"
@@ -146,8 +147,13 @@ plan::StoreyPlan rasterize_storey(const MapChunks& map, const plan::Grid& grid, 
                        options.coverage ? plan::Coverage::included : plan::Coverage::omitted);
 }
 
-std::vector<double> floors_of(const PlanInput& input, const fs::path& file,
-                              const std::function<void(std::size_t)>& step) {
+struct Floor {
+  double at = 0, height = 0;  // meters above the world's origin; to the ceiling
+};
+
+std::vector<Floor> floors_of(const PlanInput& input, const fs::path& file,
+                             const std::function<void(std::size_t)>& step) {
+  constexpr double kMaxHeight = 8;  // meters from a floor to its ceiling
   plan::LevelSurface levels;
   for_each_part(
       input.map, input.map.bricks, [](const std::vector<Brick>&) {},
@@ -155,17 +161,27 @@ std::vector<double> floors_of(const PlanInput& input, const fs::path& file,
         levels.add(mesh);
         step(count);
       });
-  std::vector<double> floors = levels.floors(input.paths);
-  if (floors.empty())
+  const std::vector<double> heights = levels.floors(input.paths);
+  if (heights.empty())
     throw not_written(file,
                       "no floor was found: the map has no level surface of a quarter of a square meter below the "
                       "camera's path");
+  std::vector<Floor> floors;
+  for (std::size_t i = 0; i < heights.size(); ++i) {
+    const double max = i + 1 < heights.size() ? heights[i + 1] - heights[i] : kMaxHeight;
+    floors.push_back({heights[i], levels.height_above(heights[i], max).value_or(std::min(max, plan::kNominalHeight))});
+  }
   return floors;
 }
 
-std::vector<fs::path> write(const plan::Pages& pages, const fs::path& file) {
+std::vector<fs::path> write(const plan::Pages& pages, const std::vector<plan::StoreyPlan>& storeys,
+                            const std::string& title, const fs::path& file) {
   if (extension_of(file) == ".pdf") {
     write_whole(file, plan::pdf_of(pages.sheets));
+    return {file};
+  }
+  if (extension_of(file) == ".ifc") {
+    write_whole(file, plan::ifc_of(storeys, title));
     return {file};
   }
   const bool is_drawing = extension_of(file) == ".dxf";
@@ -199,8 +215,8 @@ ExportedStorey report_of(const plan::StoreyPlan& storey) {
 
 void check(const PlanOptions& options, const fs::path& file) {
   if (const std::string extension = extension_of(file);
-      extension != ".svg" && extension != ".pdf" && extension != ".dxf")
-    throw std::runtime_error(fmt::format("{}: '{}' is not a supported format for plans; use .svg, .pdf or .dxf",
+      extension != ".svg" && extension != ".pdf" && extension != ".dxf" && extension != ".ifc")
+    throw std::runtime_error(fmt::format("{}: '{}' is not a supported format for plans; use .svg, .pdf, .dxf or .ifc",
                                          file.string(), file.extension().string()));
   check_range("PlanOptions::height", options.height);
   check_range("PlanOptions::scale", options.scale);
@@ -223,7 +239,7 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
                  kSteps, next);
     };
   };
-  const std::vector<double> floors = floors_of(input, file, progress_step("finding floors"));
+  const std::vector<Floor> floors = floors_of(input, file, progress_step("finding floors"));
   const MapTransform map_transform(input.map);
   plan::Box box;
   for (const Brick& brick : input.map.bricks) {
@@ -233,8 +249,9 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
   }
   const plan::Grid grid = plan::Grid::around(box, map_transform.voxel());
   std::vector<plan::StoreyPlan> storeys;
-  for (const double floor : floors) {
+  for (const auto& [floor, height] : floors) {
     plan::StoreyPlan storey = rasterize_storey(input.map, grid, floor, options, progress_step("cutting walls"));
+    storey.height = height;
     if (!storey.walls.lines.empty()) storeys.push_back(std::move(storey));
   }
   if (storeys.empty())
@@ -248,7 +265,7 @@ ExportedPlan export_floor_plan(const PlanInput& input, const fs::path& file, con
                         .storeys = {},
                         .loops = pages.loops,
                         .loops_between = pages.loops_between,
-                        .files = write(pages, file)};
+                        .files = write(pages, storeys, options.title, file)};
   for (const plan::StoreyPlan& storey : storeys) exported.storeys.push_back(report_of(storey));
   if (progress) progress(kSteps, kSteps, "done");
   return exported;

@@ -132,7 +132,9 @@ std::vector<fs::path> write_level(const ExportRun& run, const fs::path& file, Le
     return write_obj(
         file, level.parts,
         {.png = run.options.texture.png, .jpeg_quality = run.options.texture.jpeg_quality, .axes = run.options.axes});
-  if (extension == ".stl")
+  if (extension == ".usdz")
+    write_usdz(file, level.parts, run.options.texture.jpeg_quality);
+  else if (extension == ".stl")
     write_stl(file, level.parts, run.options.axes);
   else
     write_ply(file, joined(level.parts), run.options.axes);
@@ -170,7 +172,12 @@ void write_points(ExportRun& run) {
   }
   run.exported.points = points.points().positions.size();
   run.refuse_empty(run.exported.points);
-  run.timed("write", [&] { write_ply(run.file, points.points(), run.options.axes); });
+  run.timed("write", [&] {
+    if (extension_of(run.file) == ".las")
+      write_las(run.file, points.points(), run.options.axes);
+    else
+      write_ply(run.file, points.points(), run.options.axes);
+  });
   run.exported.files = {run.file};
 }
 

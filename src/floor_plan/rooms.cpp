@@ -61,8 +61,12 @@ std::vector<Room> rooms_in(const Grid& grid, const Mask& open, const Mask& walls
     cv::distanceTransform(room, inside, cv::DIST_L2, 5);
     cv::Point middle;
     cv::minMaxLoc(inside, nullptr, nullptr, nullptr, &middle);
+    Mask outline = grid.mask();
+    outline(box) |= room | rim;
     // A wall's line is in the middle of its cells.
-    found.push_back({.middle = grid.center(middle + box.tl()), .area = area + 0.5 * wall * grid.cell * grid.cell});
+    found.push_back({.middle = grid.center(middle + box.tl()),
+                     .area = area + 0.5 * wall * grid.cell * grid.cell,
+                     .outline = polygons_of(grid, outline, Edges::straight).front()});
   }
   return found;
 }

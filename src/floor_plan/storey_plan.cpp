@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 namespace cairn::plan {
 namespace {
@@ -30,10 +31,9 @@ Mask without_strips(const Grid& grid, const Mask& mask) {
   return opened;
 }
 
-enum class Edges : std::uint8_t { simplified, straight };
+}  // namespace
 
-/// Areas of a mask, without areas below kMinArea.
-std::vector<Area> polygons_of(const Grid& grid, const Mask& mask, Edges edges = Edges::simplified) {
+std::vector<Area> polygons_of(const Grid& grid, const Mask& mask, Edges edges) {
   std::vector<std::vector<cv::Point>> rings;
   std::vector<cv::Vec4i> order;  // next, previous, first child, parent
   cv::findContours(mask, rings, order, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
@@ -55,6 +55,8 @@ std::vector<Area> polygons_of(const Grid& grid, const Mask& mask, Edges edges = 
   }
   return areas;
 }
+
+namespace {
 
 /// Unobserved cells enclosed by observed cells.
 Mask unobserved_within(const Mask& observed) {
@@ -104,7 +106,8 @@ void snap(const SegmentIndex& sides, double max_distance, std::vector<Area>& are
 StoreyPlan plan_of(const StoreyRaster& raster, double voxel, Coverage coverage) {
   constexpr double kSnapDistance = 2.5;  // cells
   const Grid& grid = raster.grid();
-  StoreyPlan plan{.floor = raster.floor(), .walls = straightened(joined(raster.segments()), voxel)};
+  StoreyPlan plan{
+      .floor = raster.floor(), .height = kNominalHeight, .walls = straightened(joined(raster.segments()), voxel)};
   const SegmentIndex sides(plan.walls.lines);
   const Mask solid = solid_between(raster, sides);
   Mask lines = grid.mask();
@@ -125,6 +128,11 @@ StoreyPlan plan_of(const StoreyRaster& raster, double voxel, Coverage coverage) 
     plan.unseen = polygons_of(grid, without_strips(grid, unobserved_within(open | walls)));
   plan.doors = doors_between(grid, solid, sides);
   plan.rooms = rooms_in(grid, open, walls, plan.doors);
+  for (Room& room : plan.rooms) {
+    std::vector<Area> outline{std::move(room.outline)};
+    snap(sides, kSnapDistance * grid.cell, outline);
+    room.outline = std::move(outline.front());
+  }
   plan.floor_area = cv::countNonZero((floor | furniture) & ~walls) * grid.cell * grid.cell;
   return plan;
 }

@@ -14,11 +14,13 @@ namespace cairn::plan {
 struct Room {
   Point middle = Point::Zero();  // best position for a label
   double area = 0;               // m2, inside its lines
+  Area outline;                  // at its lines
 };
 
 /// Storey as drawn.
 struct StoreyPlan {
   double floor = 0;          // meters above the world's origin
+  double height = 0;         // meters from the floor to the ceiling; kNominalHeight without an observed ceiling
   StraightLines walls;       // faces of walls and of other objects at the cut
   std::vector<Area> solid;   // between two observed faces
   std::vector<Area> floors;  // observed
@@ -30,6 +32,13 @@ struct StoreyPlan {
   /// holes.
   double unobserved_area = 0, unobserved_share = 0;  // m2, and share of the area inside the outline
 };
+
+inline constexpr double kNominalHeight = 2.5;  // meters of a storey
+
+enum class Edges : std::uint8_t { simplified, straight };
+
+/// Areas of a mask, without very small ones.
+[[nodiscard]] std::vector<Area> polygons_of(const Grid& grid, const Mask& mask, Edges edges = Edges::simplified);
 
 enum class Coverage : std::uint8_t { omitted, included };
 

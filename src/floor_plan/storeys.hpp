@@ -2,6 +2,7 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "cairn/mapping/mesh.hpp"
@@ -9,7 +10,7 @@
 
 namespace cairn::plan {
 
-/// Area of upward-facing surface by height. Heights are meters above the world's origin: -y.
+/// Area of level surface by height. Heights are meters above the world's origin: -y.
 class LevelSurface {
  public:
   /// Adds a part of the map's surface, in the world.
@@ -17,15 +18,19 @@ class LevelSurface {
   /// Heights of floors, the lowest first. A floor is a level with much upward-facing surface below the camera's path;
   /// of levels less than a storey from each other, the lowest. Without paths the surface alone decides.
   [[nodiscard]] std::vector<double> floors(const std::vector<Trajectory>& paths) const;
+  /// Meters from a floor to the ceiling: the level with most downward-facing surface up to `max`. Empty if there is no
+  /// ceiling of a quarter of a square meter.
+  [[nodiscard]] std::optional<double> height_above(double floor, double max) const;
 
  private:
-  [[nodiscard]] double area_around(int bin) const;
-  [[nodiscard]] double weighted_area_around(int bin) const;
-  [[nodiscard]] double height_around(int bin) const;
   struct Level {
     double area = 0, height = 0;  // m2; mean, meters
   };
-  std::map<int, Level> area_;  // by centimeter of height
+  using Levels = std::map<int, Level>;  // by centimeter of height
+  static double area_around(const Levels& levels, int bin);
+  static double weighted_area_around(const Levels& levels, int bin);
+  static double height_around(const Levels& levels, int bin);
+  Levels upward_, downward_;  // by the surface's normal
 };
 
 /// Meters above the world's origin.

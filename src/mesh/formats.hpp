@@ -27,6 +27,12 @@ std::vector<std::filesystem::path> write_obj(const std::filesystem::path& file, 
 /// Meters, without colors.
 void write_stl(const std::filesystem::path& file, const std::vector<Mesh>& parts, Axes axes = Axes::automatic);
 
+/// Points with colors, as LAS.
+void write_las(const std::filesystem::path& file, const Mesh& points, Axes axes = Axes::automatic);
+
+/// Textures, or colors of parts without a texture; y up, meters.
+void write_usdz(const std::filesystem::path& file, const std::vector<Mesh>& parts, int jpeg_quality = 90);
+
 /// Encoded as JPEG or PNG.
 [[nodiscard]] std::vector<std::uint8_t> encode_image(const Texture& texture, bool png, int jpeg_quality);
 

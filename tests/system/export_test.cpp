@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // `cairn export`, and the output of reconstruct with the same options.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <openvdb/openvdb.h>
 
@@ -295,6 +296,62 @@ TEST_F(Export, WritesStlWithZUp) {
   EXPECT_EQ(stl.max(), ply.max());
 }
 
+/// Numbers that an independent reader of tests/support prints about a file.
+std::vector<double> numbers_by(const std::string& script, const std::string& file) {
+  const TemporaryFolder folder;
+  const std::string printed = (folder / "numbers.txt").string();
+  const std::string support = (source_folder() / "tests/support").string();
+  EXPECT_EQ(std::system(fmt::format("node '{}/{}' '{}' >'{}' 2>&1", support, script, file, printed).c_str()), 0)
+      << read_bytes(printed);
+  std::istringstream in(read_bytes(printed));
+  std::vector<double> numbers;
+  for (double number = 0; in >> number;) numbers.push_back(number);
+  return numbers;
+}
+
+TEST_F(Export, WritesPointsAsLas) {
+  exported("x.ply", {"--points", "0.05"});
+  const Json report = exported("x.las", {"--points", "0.05"});
+  const Mesh ply = read_mesh(to("x.ply"));
+  const std::vector<double> las = numbers_by("read_las.mjs", to("x.las"));
+  ASSERT_EQ(las.size(), 10u);
+  EXPECT_EQ(las[0], static_cast<double>(ply.positions.size()));
+  EXPECT_EQ(report.at("points"), ply.positions.size());
+  Eigen::AlignedBox3d box;  // z up
+  Eigen::Vector3d color = Eigen::Vector3d::Zero();
+  for (const auto& p : ply.positions) box.extend(Eigen::Vector3d(p.x(), p.z(), -p.y()));
+  for (const auto& c : ply.colors) color += Eigen::Vector3d(c[0], c[1], c[2]) / static_cast<double>(ply.colors.size());
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(las[static_cast<std::size_t>(1 + i)], box.min()[i], 1e-3);
+    EXPECT_NEAR(las[static_cast<std::size_t>(4 + i)], box.sizes()[i], 1e-3);
+    EXPECT_NEAR(las[static_cast<std::size_t>(7 + i)], color[i], 1);
+  }
+  const std::string first = read_bytes(to("x.las"));
+  exported("x.las", {"--points", "0.05", "--overwrite"});
+  EXPECT_TRUE(first == read_bytes(to("x.las")));
+}
+
+TEST_F(Export, WritesTexturesAsUsdz) {
+  for (const bool textured : {true, false}) {
+    const std::string ply = textured ? "a.ply" : "b.ply", usdz = textured ? "a.usdz" : "b.usdz";
+    exported(ply, {"--simplify", "0.2"});
+    std::vector<std::string> arguments{"--simplify", "0.2"};
+    if (!textured) arguments.push_back("--no-texture");
+    const Json report = exported(usdz, arguments);
+    const std::vector<double> read = numbers_by("read_usdz.mjs", to(usdz));
+    ASSERT_EQ(read.size(), 9u);
+    EXPECT_EQ(read[1], report.at("triangles"));
+    EXPECT_EQ(read[8] != 0, textured);
+    Eigen::AlignedBox3d box;  // y up
+    for (const auto& p : read_mesh(to(ply)).positions)
+      box.extend(Eigen::Vector3d(p.cast<double>().cwiseProduct(Eigen::Vector3f(1, -1, -1).cast<double>())));
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_NEAR(read[static_cast<std::size_t>(2 + i)], box.min()[i], 1e-3);
+      EXPECT_NEAR(read[static_cast<std::size_t>(5 + i)], box.sizes()[i], 1e-3);
+    }
+  }
+}
+
 TEST_F(Export, RecognizesExtensionsInAnyCase) {
   exported("X.GLB", {"--simplify", "0.2", "--compress", "meshopt"});
   EXPECT_EQ(validate_gltf(to("X.GLB")), "");
@@ -440,13 +497,14 @@ TEST_F(Export, RejectsInvalidOptions) {
   expect_refused({"--simplify", "nan"}, "--simplify nan: number expected");
   expect_refused({"--max-error", "-1"}, "--max-error -1: number expected, 0 to 1 m");
   expect_refused({"--texture-size", "7"}, "--texture-size 7: whole number expected, 64 to 16384 px");
-  expect_refused({"--texture"}, "PLY and STL have no textures", "x.ply");
-  expect_refused({"--texture"}, "PLY and STL have no textures", "x.stl");
+  expect_refused({"--texture"}, "PLY, STL and LAS have no textures", "x.ply");
+  expect_refused({"--texture"}, "PLY, STL and LAS have no textures", "x.las");
   // 10 million million points.
   expect_refused({"--points", "0.00001"}, "--points is 1e-05: that gives about", "x.ply");
   expect_refused({"--points", "0.00001"}, " GB of memory", "x.ply");
   expect_refused({"--points", "0.00001"}, " are free; use 0.0", "x.ply");
-  expect_refused({"--points", "0.1"}, "--points needs .ply");
+  expect_refused({"--points", "0.1"}, "--points needs .ply or .las");
+  expect_refused({"--frame", "zup"}, "must be yup for USDZ", "x.usdz");
   expect_refused({"--compress", "draco"}, "--compress needs .glb", "x.obj");
   expect_refused({"--geo", "48.1,11.5,500,0"}, "--geo needs tileset.json", "x.glb");
   expect_refused({"--geo", "148.1,11.5,500,0"}, "--geo: the latitude is 148.1: it must be between -90 and 90",
@@ -506,6 +564,8 @@ TEST_F(Export, LeavesNothingHalfWrittenOnAFullDisk) {
                                         {"x.ply", 100},
                                         {"x.obj", 100},
                                         {"x.stl", 100},
+                                        {"x.usdz", 100},
+                                        {"x.las", 100},
                                         {"tileset.json", 20}}) {
     std::vector<std::string> arguments{"export", path("map"), "-o", to(file), "--no-texture"};
     const Ran ran = run_cairn(arguments, with_files_of(static_cast<std::size_t>(kilobytes) << 10));

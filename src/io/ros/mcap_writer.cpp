@@ -2,8 +2,6 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include "io/ros/mcap_writer.hpp"
 
-#include <zlib.h>
-
 #include <algorithm>
 #include <bit>
 #include <fstream>
@@ -13,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/gzip.hpp"
 #include "base/system_file.hpp"
 #include "io/ros/mcap_records.hpp"
 #include "io/ros/ros_compression.hpp"
@@ -58,11 +57,6 @@ std::string first_bytes() {
   put_sized(header, "cairn");
   put_record(begin, kHeader, header);
   return begin;
-}
-
-std::uint32_t crc_of(std::string_view bytes, std::uint32_t before = 0) {
-  return static_cast<std::uint32_t>(
-      crc32_z(before, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
 }
 
 /// Time range of a set of messages.
@@ -112,7 +106,7 @@ void McapWriter::State::write(std::string_view bytes) {
     throw std::runtime_error("cannot write " + name.string() + ": " + reason(error.number));
   }
   size += bytes.size();
-  crc = crc_of(bytes, crc);
+  crc = crc32_of(bytes, crc);
 }
 
 void McapWriter::State::write_chunk() {
@@ -124,7 +118,7 @@ void McapWriter::State::write_chunk() {
   std::string data;
   full.times.put_to(data, !full.index.empty());
   put(data, static_cast<std::uint64_t>(records.size()));
-  put(data, crc_of(records));
+  put(data, crc32_of(records));
   put_sized(data, kCompression);
   put(data, static_cast<std::uint64_t>(compressed.size()));
   data.append(reinterpret_cast<const char*>(compressed.data()), compressed.size());
@@ -191,7 +185,7 @@ std::string McapWriter::State::summary() const {
   put(bytes, kFooterSize);
   put(bytes, size);
   put(bytes, offsets_begin);
-  put(bytes, crc_of(bytes));
+  put(bytes, crc32_of(bytes));
   return bytes;
 }
 

@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <functional>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "cairn/mapping/map.hpp"
@@ -217,7 +218,7 @@ TEST_F(FloorPlan, HasAPageOrAFileForEachStorey) {
 }
 
 TEST_F(FloorPlan, HasTheSameBytesTwice) {
-  for (const char* name : {"plan.svg", "plan.pdf", "plan.dxf"}) {
+  for (const char* name : {"plan.svg", "plan.pdf", "plan.dxf", "plan.ifc"}) {
     draw(out / name, {.title = "Flat & <co>"});
     const std::string first = read_bytes(out / name);
     draw(out / name, {.title = "Flat & <co>"});
@@ -270,6 +271,83 @@ TEST_F(FloorPlan, IsReadAsDxfInMeters) {
   }
 }
 
+/// Element of an IFC file, by an independent reader. Meters, z up.
+struct IfcElement {
+  std::string name;
+  Vector3d low, size;
+  double area = 0;
+  int openings = 0;
+};
+std::multimap<std::string, IfcElement> read_ifc(const fs::path& file) {
+  const fs::path listed = file.parent_path() / "elements.txt";
+  const std::string support = (source_folder() / "tests/support").string();
+  const int status = std::system(
+      fmt::format("node '{}/read_ifc.mjs' '{}' >'{}' 2>&1", support, file.string(), listed.string()).c_str());
+  EXPECT_EQ(status, 0) << read_bytes(listed);
+  std::multimap<std::string, IfcElement> elements;
+  std::istringstream in(read_bytes(listed));
+  std::string type;
+  for (IfcElement e; in >> type >> e.name >> e.low.x() >> e.low.y() >> e.low.z() >> e.size.x() >> e.size.y() >>
+                     e.size.z() >> e.area >> e.openings;)
+    elements.emplace(type, e);
+  return elements;
+}
+
+TEST_F(FloorPlan, IsReadAsBuildingModel) {
+  const ExportedPlan plan = draw(out / "plan.ifc", {.title = "Flat d'été"});
+  EXPECT_EQ(plan.files, std::vector<fs::path>{out / "plan.ifc"});
+  const auto elements = read_ifc(out / "plan.ifc");
+  SCOPED_TRACE(read_bytes(out / "elements.txt"));
+  ASSERT_EQ(elements.count("storey"), 1u);
+  EXPECT_NEAR(elements.find("storey")->second.low.z(), -kFloorY, 0.01);
+  // Two inner walls through the middle with two doors each, and the four outer faces between them.
+  int inner = 0, doors = 0;
+  double outer = 0;
+  for (auto [wall, end] = elements.equal_range("wall"); wall != end; ++wall) {
+    const IfcElement& e = wall->second;
+    EXPECT_NEAR(e.low.z(), -kFloorY, 0.01);
+    EXPECT_NEAR(e.size.z(), 2.5, 1e-3) << "no ceiling was observed";
+    EXPECT_NEAR(std::min(e.size.x(), e.size.y()), kThick, 0.02);
+    const double length = std::max(e.size.x(), e.size.y());
+    if (e.openings == 0) {
+      outer += length;
+      continue;
+    }
+    ++inner;
+    doors += e.openings;
+    EXPECT_NEAR(length, e.size.x() > e.size.y() ? kWidth : kDepth, 0.1);
+  }
+  EXPECT_EQ(inner, 2);
+  EXPECT_EQ(doors, 4);
+  EXPECT_NEAR(outer, 2 * (kWidth + kDepth) - 4 * kThick, 0.2);
+  EXPECT_EQ(elements.count("door"), 4u);
+  for (auto [door, end] = elements.equal_range("door"); door != end; ++door)
+    EXPECT_NEAR(std::max(door->second.size.x(), door->second.size.y()), kDoor, 0.05);
+  ASSERT_EQ(elements.count("space"), 4u);
+  const double room = (kWidth - kThick) / 2 * (kDepth - kThick) / 2;
+  for (auto [space, end] = elements.equal_range("space"); space != end; ++space) {
+    EXPECT_NEAR(space->second.area, room + kDoor * kThick, 0.02 * room);
+    // Its outline includes half of the doors' depth.
+    EXPECT_NEAR(space->second.size.x(), kWidth / 2, kThick / 2 + 0.01);
+    EXPECT_NEAR(space->second.size.y(), kDepth / 2, kThick / 2 + 0.01);
+  }
+  EXPECT_GE(elements.count("slab"), 1u);
+}
+
+TEST_F(FloorPlan, HasTheHeightOfTheCeilingInAModel) {
+  write_map(
+      out / "map.vdb",
+      [](const Vector3d& p) { return distance(p.y() < kFloorY - 2.7 ? p + Vector3d(0, kStorey, 0) : p); },
+      -0.3 - kStorey, 1.45);
+  (void)Map::open(out / "map.vdb").export_plan(out / "plan.ifc");
+  const auto elements = read_ifc(out / "plan.ifc");
+  ASSERT_EQ(elements.count("storey"), 2u);
+  std::set<long> heights;
+  for (auto [wall, end] = elements.equal_range("wall"); wall != end; ++wall)
+    heights.insert(std::lround(10 * wall->second.size.z()));
+  EXPECT_TRUE(heights.contains(26)) << "from the floor at 1.3 to the ceiling at -1.3 m";
+}
+
 TEST_F(FloorPlan, ShowsUnobservedSpaceWithinTheOutline) {
   const double brick = 8.0 * static_cast<double>(kVoxel);
   // Entire bricks: 5 by 4 in the middle of a room, from the floor to the ceiling, and 2 by 8 along its outer wall.
@@ -299,7 +377,7 @@ TEST_F(FloorPlan, ShowsUnobservedSpaceWithinTheOutline) {
 
 TEST_F(FloorPlan, ExplainsWhyThereIsNoPlan) {
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.loops = true}); }).find("has no loops"), std::string::npos);
-  EXPECT_NE(error_of([&] { draw(out / "plan.dwg"); }).find("use .svg, .pdf or .dxf"), std::string::npos);
+  EXPECT_NE(error_of([&] { draw(out / "plan.dwg"); }).find("use .svg, .pdf, .dxf or .ifc"), std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.height = 0}); }).find("must be between 0.3 and 3"),
             std::string::npos);
   EXPECT_NE(error_of([&] { draw(out / "plan.svg", {.scale = -1}); }).find("PlanOptions::scale is -1"),
