@@ -122,7 +122,9 @@ int run(const std::vector<std::string>& given) {
 int main(int argc, char** argv) {
   cairn::apps::install_signal_handlers();
   constexpr int kLarge = 4 << 20;  // bytes, more than an image; larger blocks return to the system when freed
+  constexpr int kKept = 64 << 20;  // bytes of freed memory: images of a frame reuse those of the last one
   mallopt(M_MMAP_THRESHOLD, kLarge);
+  mallopt(M_TRIM_THRESHOLD, kKept);
   // Shares freed memory between threads; by default, each of some dozen arenas keeps its own.
   mallopt(M_ARENA_MAX, std::max(2, static_cast<int>(std::thread::hardware_concurrency())));
   try {

@@ -327,7 +327,7 @@ TEST_F(Export, WritesPointsAsLas) {
     EXPECT_NEAR(las[static_cast<std::size_t>(7 + i)], color[i], 1);
   }
   const std::string first = read_bytes(to("x.las"));
-  exported("x.las", {"--points", "0.05", "--overwrite"});
+  exported("x.las", {"--points", "0.05"});
   EXPECT_TRUE(first == read_bytes(to("x.las")));
 }
 
