@@ -17,6 +17,7 @@
 #include <string_view>
 
 #include "cairn/io/known_cameras.hpp"
+#include "cairn/io/mask.hpp"
 #include "cli/command_tree.hpp"
 #include "cli/quiet.hpp"
 
@@ -117,6 +118,19 @@ void add_camera(CLI::App& command, std::filesystem::path& camera, const std::str
 void add_topics(CLI::App& command, std::vector<std::string>& topics) {
   command.add_option("--topic", topics, "ROS: topic of the depth or of the color images, each at most once")
       ->allow_extra_args(false);
+}
+
+void add_mask(CLI::App& command, std::filesystem::path& mask) {
+  command
+      .add_option("--mask", mask,
+                  "Folder of masks: PNG images named by the depth image's number or time, as 000012.png or "
+                  "12.345678.png; pixels other than 0 are ignored")
+      ->check(CLI::ExistingDirectory);
+}
+
+std::unique_ptr<Source> masked(std::unique_ptr<Source> source, const std::filesystem::path& mask,
+                               const std::string& sequence) {
+  return mask.empty() ? std::move(source) : with_masks(std::move(source), mask, sequence);
 }
 
 SourceOptions source_options(const std::string& sequence, const std::filesystem::path& camera,

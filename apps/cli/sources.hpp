@@ -44,6 +44,11 @@ inline constexpr const char* kFramesHelp =
 /// name (...) ".
 void add_camera(CLI::App& command, std::filesystem::path& camera, const std::string& in_place);
 void add_topics(CLI::App& command, std::vector<std::string>& topics);
+/// Adds --mask, a folder for with_masks.
+void add_mask(CLI::App& command, std::filesystem::path& mask);
+/// Source with the masks of --mask, or unchanged if `mask` is empty.
+[[nodiscard]] std::unique_ptr<Source> masked(std::unique_ptr<Source> source, const std::filesystem::path& mask,
+                                             const std::string& sequence);
 /// Options for reading SEQUENCE: each of `topics` is assigned to depth or color by its type. Throws std::runtime_error
 /// for a topic of another type, or for two of the same type.
 [[nodiscard]] SourceOptions source_options(const std::string& sequence, const std::filesystem::path& camera,

@@ -26,7 +26,7 @@ constexpr double kMaxColorDelay = 0.02;  // seconds between depth and color: the
 
 struct Arguments {
   std::string sequence, frames, color = "png";
-  fs::path output, camera;
+  fs::path output, camera, mask;
   bool registered = false, json = false;
 };
 
@@ -80,7 +80,8 @@ class Reader {
 };
 
 Converted convert_to(const Arguments& a, const fs::path& folder) {
-  auto source = open_source(a.sequence, {.range = parse_frames(a.frames), .camera = a.camera});
+  auto source =
+      masked(open_source(a.sequence, {.range = parse_frames(a.frames), .camera = a.camera}), a.mask, a.sequence);
   if (a.registered) source = with_color_on_depth(std::move(source));
   Converted converted;
   {
@@ -103,7 +104,7 @@ Converted convert_to(const Arguments& a, const fs::path& folder) {
 void convert(const Arguments& a) {
   if (is_sensor(a.sequence))
     throw std::runtime_error(a.sequence + ": is a sensor; record it with `cairn record`, or name a recording");
-  Inputs().add_recording(a.sequence).add(a.camera).check_output_folder(a.output);
+  Inputs().add_recording(a.sequence).add(a.camera).add(a.mask).check_output_folder(a.output);
   Converted c;
   write_folder(a.output, [&](const fs::path& folder) { c = convert_to(a, folder); });
   for (const std::string& line : c.left_out.lines(c.frames + c.unreadable, "left out")) spdlog::warn(line);
@@ -131,6 +132,7 @@ void add_convert(CLI::App& program) {
       ->type_name(kFolder);
   add_camera(*command, a->camera, "in place of the recording's own cameras");
   command->add_option("--frames", a->frames, kFramesHelp)->type_name("RANGE");
+  add_mask(*command, a->mask);
   command->add_flag("--registered", a->registered,
                     "Register color to depth, for programs with a single camera [both cameras unchanged]");
   command->add_option("--color", a->color, "Format of the color images")

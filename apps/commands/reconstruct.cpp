@@ -28,7 +28,7 @@ constexpr auto kPollInterval = std::chrono::milliseconds(50);  // of the page's 
 constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
 
 struct Arguments : RunArguments {
-  fs::path poses, guess;
+  fs::path poses, guess, mask;
   std::string frames;
   std::optional<std::string> poses_convention;
   int read_ahead = 4;
@@ -50,7 +50,7 @@ Trajectory given_poses(const Arguments& a) {
 /// Sources of the run: held-out frames marked, with poses or guesses, read ahead.
 std::unique_ptr<Source> with_wrappers(std::unique_ptr<Source> source, const Arguments& a, const HoldOut& held_out,
                                       const Trajectory& given) {
-  source = hold_out(std::move(source), held_out);
+  source = masked(hold_out(std::move(source), held_out), a.mask, a.sequence);
   if (!a.poses.empty()) source = with_poses(std::move(source), given);
   if (!a.guess.empty()) source = with_guesses(std::move(source), given);
   return a.read_ahead > 0 ? read_ahead(std::move(source), a.read_ahead) : std::move(source);
@@ -128,8 +128,10 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
 }
 
 void reconstruct(const Arguments& requested) {
-  const Inputs inputs =
-      inputs_of(requested).add_recording(requested.poses.string()).add_recording(requested.guess.string());
+  const Inputs inputs = inputs_of(requested)
+                            .add_recording(requested.poses.string())
+                            .add_recording(requested.guess.string())
+                            .add(requested.mask);
   Arguments a = with_output(requested, inputs, requested.poses.empty());
   if (a.stages.is_expert() || !a.poses.empty()) a.stages.quality = Quality::fast;
   const Poses poses = a.poses.empty() ? Poses::tracked : Poses::given;
@@ -206,6 +208,7 @@ void add_reconstruct(CLI::App& program) {
   add_number(*command, "--hold-out", a->hold_out, {2, 1'000'000},
              "Track every N-th frame, but exclude it from the map, its colors and its adjustment; `cairn evaluate map` "
              "compares the map with these frames [none]");
+  add_mask(*command, a->mask);
   auto* poses =
       command
           ->add_option(

@@ -10,6 +10,7 @@
 #include "cairn/io/inspect.hpp"
 #include "cairn/io/layouts.hpp"
 #include "cairn/io/live_source.hpp"
+#include "cairn/io/mask.hpp"
 #include "cairn/io/recorder.hpp"
 #include "frames.hpp"
 #include "module.hpp"
@@ -88,7 +89,7 @@ GuardedSource open_named(const std::filesystem::path& name, const py::object& fr
                          const std::optional<std::filesystem::path>& camera, const std::optional<std::string>& sensor,
                          const std::string& depth_topic, const std::string& color_topic, const py::object& poses,
                          const py::object& guesses, bool color_on_depth, int ahead, bool live,
-                         std::optional<int> every) {
+                         std::optional<int> every, const std::optional<std::filesystem::path>& masks) {
   SourceOptions options{.range = range_of(frames),
                         .camera = camera.value_or(std::filesystem::path{}),
                         .sensor = {},
@@ -100,6 +101,7 @@ GuardedSource open_named(const std::filesystem::path& name, const py::object& fr
   const bool waits = !live && !is_sensor(name.string());
   const py::gil_scoped_release release;
   auto source = hold_out(open_source(name.string(), options), {.every = every.value_or(0), .range = options.range});
+  if (masks) source = with_masks(std::move(source), *masks, name.string());
   if (given) source = with_poses(std::move(source), std::move(*given));
   if (guessed) source = with_guesses(std::move(source), std::move(*guessed));
   if (color_on_depth) source = with_color_on_depth(std::move(source));
@@ -142,8 +144,8 @@ The next frame, or None at the end of the stream. An unreadable frame has its pr
       py::arg("camera") = std::nullopt, py::arg("sensor") = std::nullopt, py::arg("depth_topic") = "",
       py::arg("color_topic") = "", py::arg("poses") = py::none(), py::arg("guesses") = py::none(),
       py::arg("color_on_depth") = false, py::arg("read_ahead") = 4, py::arg("live") = false,
-      py::arg("hold_out") = std::nullopt,
-      R"(open(name, *, frames=None, camera=None, sensor=None, depth_topic='', color_topic='', poses=None, guesses=None, color_on_depth=False, read_ahead=4, live=False, hold_out=None)
+      py::arg("hold_out") = std::nullopt, py::arg("masks") = std::nullopt,
+      R"(open(name, *, frames=None, camera=None, sensor=None, depth_topic='', color_topic='', poses=None, guesses=None, color_on_depth=False, read_ahead=4, live=False, hold_out=None, masks=None)
 --
 
 Opens a recording, a sensor or a scene as a Source.
@@ -154,8 +156,9 @@ the name of a known camera, overrides the recording's. sensor: name of a SensorM
 of a ROS recording.
 poses, guesses: a Trajectory or its file, for Frame.pose and Frame.guess. color_on_depth: reprojects color to the
 depth camera. read_ahead: number of frames decoded ahead in a thread. live: only the newest frame; a recording is
-played in real time. hold_out: marks every n-th frame as held out for evaluation (Frame.held_out); 2 or more. Raises
-Error with the cause, the place and the remedy.)");
+played in real time. hold_out: marks every n-th frame as held out for evaluation (Frame.held_out); 2 or more. masks:
+folder of PNG images named by the depth image's number or time, as `cairn reconstruct --mask`. Raises Error with the
+cause, the place and the remedy.)");
 
   m.def(
       "recorded_truth",

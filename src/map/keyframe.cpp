@@ -20,8 +20,9 @@
 namespace cairn {
 namespace {
 
-constexpr double kKeyframeAngle = 0.15, kKeyframeDistance = 0.12;                           // rad, m between keyframes
-constexpr double kDepthStepsPerMeter = 5000;                                                // per meter
+constexpr double kKeyframeAngle = 0.15, kKeyframeDistance = 0.12;  // rad, m between keyframes
+constexpr double kDepthStepsPerMeter = 5000;                       // per meter
+constexpr std::uint16_t kMaskedSteps = 65535;  // stored depth of a pixel without depth and color: a masked pixel
 constexpr const char *kDepth = "depth.png", *kColor = "colour.jpg", *kCorners = "corners";  // file names of a keyframe
 constexpr std::size_t kMaxCachedFeatures = 256;  // keyframes whose features stay in memory, 58 KB each
 constexpr const char* kRemedy = "the session is damaged: begin a new session";
@@ -67,6 +68,13 @@ std::filesystem::path file_of(const NumberedFiles& files, std::size_t keyframe, 
   return place.folder / fmt::format("{:06}.{}", place.number, name);
 }
 
+/// Depth of a frame for the depth file, with a mark at pixels without depth whose registered color has alpha 0.
+std::vector<float> marked_depth(std::vector<float> depth, const std::vector<std::uint32_t>& color) {
+  for (std::size_t i = 0; i < std::min(depth.size(), color.size()); ++i)
+    if (depth[i] == 0 && color[i] >> 24 == 0) depth[i] = static_cast<float>(kMaskedSteps / kDepthStepsPerMeter);
+  return depth;
+}
+
 }  // namespace
 
 bool is_keyframe_file(std::string_view name) {
@@ -106,6 +114,7 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, FutureFeatures
         packed.corners = bytes_of(*features_or_none(features));
         packed_.erase(keyframe);
         try {
+          if (!rig_.color) depth = marked_depth(std::move(depth), color);
           packed.depth = encode_depth(depth, rig_.depth, kDepthStepsPerMeter);
           if (!color.empty()) packed.color = encode_color(color, rig_.color_view(), ".jpg");
           if (is_writable_) return write(keyframe, packed);
@@ -119,8 +128,9 @@ void KeyframeStore::put(std::size_t keyframe, const Frame& frame, FutureFeatures
 void KeyframeStore::correct(std::size_t keyframe, const DepthCorrection& correction) {
   if (files_.is_elsewhere(keyframe))
     throw std::runtime_error(file(keyframe, kDepth).string() + ": belongs to another map and is read-only");
-  std::vector<float> depth = get(keyframe).depth;
-  correction.apply(rig_.depth.width, rig_.depth.height, depth);
+  Frame frame = get(keyframe);
+  correction.apply(rig_.depth.width, rig_.depth.height, frame.depth);
+  const std::vector<float> depth = rig_.color ? frame.depth : marked_depth(std::move(frame.depth), frame.color);
   auto packed = encode_depth(depth, rig_.depth, kDepthStepsPerMeter);
   const auto lock = wait_and_lock();
   if (const auto packed_it = packed_.find(keyframe); packed_it != packed_.end())
@@ -216,23 +226,37 @@ cv::Mat decoded(const std::vector<std::uint8_t>& bytes, Pixels pixels, const Cam
   return {};
 }
 
-}  // namespace
-
-std::vector<float> KeyframeStore::depth(std::size_t keyframe) const {
-  const cv::Mat steps = decoded(stored_bytes(keyframe, &Packed::depth, kDepth), Pixels::as_stored, rig_.depth);
-  if (steps.type() != CV_16U || steps.empty())
-    throw std::runtime_error(file(keyframe, kDepth).string() + ": is missing or broken; " + kRemedy);
+std::vector<float> meters_of(const cv::Mat& steps) {
   std::vector<float> meters(steps.total());
   cv::Mat depth(steps.rows, steps.cols, CV_32F, meters.data());
   steps.convertTo(depth, CV_32F, 1 / kDepthStepsPerMeter);
+  depth.setTo(0, steps == kMaskedSteps);
   return meters;
+}
+
+/// Depth image as stored, 16 bits. Throws std::runtime_error naming the file if the bytes are broken.
+cv::Mat depth_steps(const std::vector<std::uint8_t>& bytes, const Camera& camera, const std::filesystem::path& file) {
+  cv::Mat steps = decoded(bytes, Pixels::as_stored, camera);
+  if (steps.type() != CV_16U || steps.empty())
+    throw std::runtime_error(file.string() + ": is missing or broken; " + kRemedy);
+  return steps;
+}
+
+}  // namespace
+
+std::vector<float> KeyframeStore::depth(std::size_t keyframe) const {
+  return meters_of(depth_steps(stored_bytes(keyframe, &Packed::depth, kDepth), rig_.depth, file(keyframe, kDepth)));
 }
 
 Frame KeyframeStore::get(std::size_t keyframe) const {
   Frame frame;
-  frame.depth = depth(keyframe);
+  const cv::Mat steps = depth_steps(stored_bytes(keyframe, &Packed::depth, kDepth), rig_.depth, file(keyframe, kDepth));
+  frame.depth = meters_of(steps);
   const cv::Mat rgba = decoded(stored_bytes(keyframe, &Packed::color, kColor), Pixels::rgba, rig_.color_view());
   if (!rgba.empty()) frame.color = color_pixels(rgba);
+  if (!rig_.color)
+    for (std::size_t i = 0; i < frame.color.size(); ++i)
+      if (steps.ptr<std::uint16_t>()[i] == kMaskedSteps) frame.color[i] &= 0x00ffffffu;
   return frame;
 }
 

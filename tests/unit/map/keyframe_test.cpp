@@ -61,6 +61,23 @@ TEST(KeyframeStore, KeepsFeaturesAliveWhileTheyAreUsed) {
   EXPECT_THROW((void)store.features(1), std::runtime_error);
 }
 
+TEST(KeyframeStore, KeepsMaskedPixelsWithoutDepthAndAlpha) {
+  const TemporaryFolder folder;
+  KeyframeStore store(kTiny, folder.path());
+  Frame frame{.depth = std::vector<float>(16 * 12, 1.5f), .color = std::vector<std::uint32_t>(16 * 12, ~0u)};
+  frame.depth[3] = 0;                               // a hole
+  frame.depth[5] = 0, frame.color[5] = 0x00ffffff;  // masked
+  frame.color[7] = 0x00ffffff;                      // occluded in the color image
+  store.put(0, frame, corners_of(0));
+  store.correct(0, {});
+  const Frame read = store.get(0);
+  for (const std::size_t i : {0, 3, 5, 7}) {
+    EXPECT_FLOAT_EQ(read.depth[i], frame.depth[i]) << i;
+    EXPECT_EQ(read.color[i] >> 24, i == 5 ? 0u : 255u) << i;
+  }
+  EXPECT_EQ(store.depth(0), read.depth);
+}
+
 TEST(KeyframeStore, SupportsConcurrentReadsDuringPut) {
   for (const bool in_files : {false, true}) {
     const TemporaryFolder folder;
