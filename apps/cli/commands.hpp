@@ -15,6 +15,7 @@ void add_evaluate(CLI::App& program);
 void add_synth(CLI::App& program);
 void add_esdf(CLI::App& program);
 void add_splat(CLI::App& program);
+void add_localize(CLI::App& program);
 void add_change(CLI::App& program);
 void add_graph(CLI::App& program);
 void add_merge(CLI::App& program);

@@ -15,7 +15,7 @@ inline constexpr std::array<std::pair<const char*, const char*>, 5> kExitCodes{{
     {"2", "Wrong usage: an unknown option, options that exclude each other, or a file that does not exist."},
     {"3",
      "The run ended, but less than 80 % of the frames are in the map, the map has unconnected components, depth "
-     "contradicts the given poses, or a segment of a project is missing in its map."},
+     "contradicts the given poses, a segment of a project is missing in its map, or most frames were not localized."},
     {"130", "Interrupted at once: by a second Ctrl-C, or by the first if there was nothing to finish."},
 }};
 

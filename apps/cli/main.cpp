@@ -64,7 +64,7 @@ void add_commands(CLI::App& program) {
   };
   group("Getting started", {add_demo, add_doctor});
   group("Make a map", {add_reconstruct, add_live, add_record});
-  group("Use a map", {add_view, add_export, add_splat, add_esdf, add_change, add_merge});
+  group("Use a map", {add_view, add_export, add_localize, add_splat, add_esdf, add_change, add_merge});
   group("Map a building", {add_plan, add_match, add_optimize, add_tile, add_tileset});
   group("Recordings", {add_info, add_convert, add_calibrate, add_synth});
   group("Measure", {add_evaluate, add_bench, add_graph, add_devices});

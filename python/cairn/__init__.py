@@ -12,7 +12,7 @@
     cairn.reconstruct("recording", "out", texture=True, progress=True)
 
 Where to start
-    Mapper                     maps frames; Session resumes a map in a later program
+    Mapper                     maps frames; Session resumes a map in a later program; Localizer finds frames in it
     open, Frame, Source        recordings, sensors, scenes; own arrays
     Map, Mesh, DistanceField   results: surface, voxels, distances, files
     LiveViewer, MapViewer      pages in a browser: a growing, a finished map; LiveSurface: changed blocks of the surface
@@ -63,6 +63,8 @@ from ._cairn import (
     LayoutWriter,
     LiveSurface,
     LiveViewer,
+    LocalizedFrame,
+    Localizer,
     Loop,
     LoopError,
     Map,
@@ -148,6 +150,8 @@ __all__ = [
     "LayoutWriter",
     "LiveSurface",
     "LiveViewer",
+    "LocalizedFrame",
+    "Localizer",
     "Loop",
     "LoopError",
     "Map",

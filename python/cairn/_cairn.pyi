@@ -229,6 +229,7 @@ def open(
     read_ahead: int = 4,
     live: bool = False,
     hold_out: int | None = None,
+    masks: _Path | None = None,
 ) -> Source: ...
 def recorded_truth(recording: _Path) -> Trajectory: ...
 def find_color_camera(source: Source, frames: int = 40) -> Rig | None: ...
@@ -970,6 +971,60 @@ class MergedSession:
 def merge_sessions(
     maps: Iterable[_Path], to: _Path, allow_unmerged: bool = False, device: int = -1
 ) -> list[MergedSession]: ...
+
+class LocalizedFrame:
+    @property
+    def index(self) -> int: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def pose(self) -> NDArray[np.float64] | None: ...
+    @property
+    def covariance(self) -> NDArray[np.float64] | None: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def fit(self) -> AlignmentFit: ...
+    @property
+    def guess(self) -> str: ...
+    @property
+    def milliseconds(self) -> float: ...
+
+class Localizer:
+    def __init__(
+        self,
+        map: _Path,
+        rig: Rig,
+        options: Options | None = None,
+        *,
+        changes: bool = False,
+        device: int = -1,
+    ) -> None: ...
+    @overload
+    def add(self, depth: Frame) -> LocalizedFrame: ...
+    @overload
+    def add(
+        self,
+        depth: _Image,
+        color: NDArray[np.uint8] | None = None,
+        *,
+        time: float,
+        depth_scale: float | None = None,
+        confidence: NDArray[np.uint8] | None = None,
+        color_delay: float = 0.0,
+        guess: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gyro: ArrayLike | None = None,
+        accelerations: ArrayLike | None = None,
+    ) -> LocalizedFrame: ...
+    def begin_recording(self) -> None: ...
+    def export_changes(
+        self, file: _Path, *, distance: float = 0.0, min_area: float = 0.03
+    ) -> list[tuple[str, float, NDArray[np.float64]]]: ...
+    def upright(self) -> GravityAlignment: ...
+    def warnings(self) -> list[str]: ...
+    @property
+    def rig(self) -> Rig: ...
 
 class Edge:
     @property

@@ -78,6 +78,7 @@ PYBIND11_MODULE(_cairn, m) {
   add_live_surface(m);
   add_viewers(m);
   add_session(m);
+  add_localizer(m);
   add_graph(m);
   add_evaluation(m);
   add_splats(m);

@@ -20,6 +20,7 @@ void add_mapper(pybind11::module_& m);
 void add_live_surface(pybind11::module_& m);
 void add_viewers(pybind11::module_& m);
 void add_session(pybind11::module_& m);
+void add_localizer(pybind11::module_& m);
 void add_graph(pybind11::module_& m);
 void add_evaluation(pybind11::module_& m);
 void add_splats(pybind11::module_& m);

@@ -88,8 +88,8 @@ std::optional<Trajectory> poses_of(const py::object& poses) {
 GuardedSource open_named(const std::filesystem::path& name, const py::object& frames,
                          const std::optional<std::filesystem::path>& camera, const std::optional<std::string>& sensor,
                          const std::string& depth_topic, const std::string& color_topic, const py::object& poses,
-                         const py::object& guesses, bool color_on_depth, int ahead, bool live,
-                         std::optional<int> every, const std::optional<std::filesystem::path>& masks) {
+                         const py::object& guesses, bool color_on_depth, int ahead, bool live, std::optional<int> every,
+                         const std::optional<std::filesystem::path>& masks) {
   SourceOptions options{.range = range_of(frames),
                         .camera = camera.value_or(std::filesystem::path{}),
                         .sensor = {},

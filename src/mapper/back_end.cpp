@@ -324,6 +324,7 @@ std::vector<Loop> BackEnd::match(const BackEnd& other) {
 
 void BackEnd::begin_recording() {
   finish_optimization();
+  index_keyframes();  // not done yet for a read-only map
   const auto component_of = atlas_.components();
   const std::size_t main = atlas_.main_component();
   submap_begin_ = atlas_.keyframes.size();

@@ -26,6 +26,7 @@ constexpr double kFocalTurn = 0.1;            // min. rotation in rad between th
 constexpr double kClockOffsetContrast = 1.5;  // min. ratio of the worst to the best cost
 // Keyframes to compare a frame with.
 constexpr std::size_t kMaxRecentKeyframes = 4, kMaxSimilarKeyframes = 6, kMaxOtherKeyframes = 4;
+constexpr std::size_t kMaxGuesses = 3;      // poses by features to align a lost frame at, with stored keyframes
 constexpr double kMaxMoving = 0.3;          // share of the image
 constexpr int kAllUnobserved = 6;           // unobserved directions of a pose without alignment
 constexpr double kMaxGyroSeconds = 0.3;     // max. seconds of tracking by the inertial sensor alone
@@ -236,19 +237,37 @@ std::optional<PnpPose> Tracker::solve_keyframe_pnp(std::size_t keyframe, const F
   }
 }
 
-std::optional<Eigen::Isometry3d> Tracker::estimate_pose_by_features(const Features& seen,
-                                                                    const std::vector<std::size_t>& keyframes) const {
+std::vector<Tracker::FeaturePose> Tracker::poses_by_features(const Features& seen,
+                                                             const std::vector<std::size_t>& keyframes) const {
   std::vector<std::optional<PnpPose>> located(keyframes.size());
   tbb::parallel_for(std::size_t{0}, keyframes.size(),
                     [&](std::size_t k) { located[k] = solve_keyframe_pnp(keyframes[k], seen); });
-  std::optional<Eigen::Isometry3d> guess;
-  int max_inliers = 0;
-  for (std::size_t k = 0; k < keyframes.size(); ++k) {
-    if (!located[k] || located[k]->inliers <= max_inliers) continue;
-    max_inliers = located[k]->inliers;
-    guess = *keyframes_[keyframes[k]].tracked_from_camera * located[k]->known_from_seen;
+  std::vector<FeaturePose> poses;
+  for (std::size_t k = 0; k < keyframes.size(); ++k)
+    if (located[k])
+      poses.push_back({keyframes[k], *keyframes_[keyframes[k]].tracked_from_camera * located[k]->known_from_seen,
+                       located[k]->inliers});
+  std::stable_sort(poses.begin(), poses.end(),
+                   [](const FeaturePose& a, const FeaturePose& b) { return a.inliers > b.inliers; });
+  return poses;
+}
+
+std::optional<Eigen::Isometry3d> Tracker::estimate_pose_by_features(const Features& seen,
+                                                                    const std::vector<std::size_t>& keyframes) const {
+  const std::vector<FeaturePose> poses = poses_by_features(seen, keyframes);
+  return poses.empty() ? std::nullopt : std::optional(poses[0].tracked_from_camera);
+}
+
+bool Tracker::set_reference(std::size_t keyframe) {
+  try {
+    const Frame images = images_.get(keyframe);
+    const FramePyramid surface = keyframe_preprocessor_->preprocess(images);
+    if (surface.packed.empty()) return false;
+    reference_.set(surface, *keyframes_[keyframe].tracked_from_camera, {});
+    return true;
+  } catch (const std::runtime_error&) {
+    return false;
   }
-  return guess;
 }
 
 TrackingResult Tracker::track(const Frame& frame, const FramePyramid& live, Volume& volume, StageTimes& times) {
@@ -256,7 +275,7 @@ TrackingResult Tracker::track(const Frame& frame, const FramePyramid& live, Volu
   if (state_.last.empty()) return start_map(frame);
   TrackingResult tracked = track_in_map(frame, live, volume, times);
   if (tracked.state == TrackingResult::State::aligned) {
-    timed(times, "track", [&] { mask_moving(live, tracked, volume); });
+    if (removes_moving_) timed(times, "track", [&] { mask_moving(live, tracked, volume); });
     return tracked;
   }
   ++state_.lost_frames;
@@ -424,15 +443,22 @@ TrackingResult Tracker::relocalize(const Frame& frame, const FramePyramid& live,
   if (is_gyro_usable(frame) && tracked.alignment.converged() && is_near(tracked.alignment, tracked.predicted_from))
     return tracked;
   if (confirms_inertial(frame, tracked)) return tracked;
-  const auto guess = timed(times, "recognize", [&] {
+  std::vector<FeaturePose> guesses = timed(times, "recognize", [&] {
     const Features seen = features_of(live, rig_, device_);
-    return estimate_pose_by_features(seen, candidates(seen));
+    return poses_by_features(seen, candidates(seen));
   });
-  if (guess)
-    if (TrackingResult other =
-            align(frame, live, volume, *guess, InitialGuess::relocalized, AlignmentRange::coarse_to_fine, times);
-        is_certain(other.alignment, state_.typical))
-      return other;
+  guesses.resize(std::min(guesses.size(), keyframe_preprocessor_ != nullptr ? kMaxGuesses : 1));
+  for (const FeaturePose& guess : guesses) {
+    const bool has_reference = keyframe_preprocessor_ != nullptr && set_reference(guess.keyframe);
+    TrackingResult other = align(frame, live, volume, guess.tracked_from_camera, InitialGuess::relocalized,
+                                 AlignmentRange::coarse_to_fine, times);
+    if (is_certain(other.alignment, state_.typical)) return other;
+    if (!has_reference) continue;
+    reference_.clear();  // another light
+    other = align_with_prediction(frame, live, guess.tracked_from_camera, InitialGuess::relocalized,
+                                  AlignmentRange::coarse_to_fine, times);
+    if (is_certain(other.alignment, state_.typical)) return other;
+  }
   if (tracked.alignment.converged()) tracked.alignment.lost = FrameCause::not_relocalized;
   return tracked;
 }

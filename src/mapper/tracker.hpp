@@ -14,6 +14,7 @@
 #include "map/keyframe.hpp"
 #include "mapper/tracking_criteria.hpp"
 #include "place/keyframe_database.hpp"
+#include "preprocess/preprocess.hpp"
 #include "preprocess/rectify.hpp"
 #include "volume/raycast.hpp"
 
@@ -116,6 +117,13 @@ class Tracker {
   [[nodiscard]] const State& state() const { return state_; }
   /// Starts lost in a map with keyframes, as if the camera was last seen at the newest keyframe, long ago.
   void start_lost();
+  /// Tracks in a map that stays unchanged: removes no moving pixels, and relocalizes a lost camera also by the
+  /// brightness of stored keyframes, from several of them. `keyframes`: preprocessor for them; null if their cameras
+  /// are not those of the frames. Must outlive the tracker.
+  void localize_only(Preprocessor* keyframes) {
+    removes_moving_ = false;
+    keyframe_preprocessor_ = keyframes;
+  }
 
  private:
   [[nodiscard]] TrackingResult start_map(const Frame& frame) const;
@@ -167,9 +175,20 @@ class Tracker {
 
   /// Pose relative to a keyframe, by features.
   [[nodiscard]] std::optional<PnpPose> solve_keyframe_pnp(std::size_t keyframe, const Features& seen) const;
-  /// Guess from the keyframe with the most feature inliers, if any.
+  /// Guess from the features of a keyframe.
+  struct FeaturePose {
+    std::size_t keyframe = 0;
+    Eigen::Isometry3d tracked_from_camera = Eigen::Isometry3d::Identity();
+    int inliers = 0;
+  };
+  /// Guesses from keyframes, the one with the most feature inliers first.
+  [[nodiscard]] std::vector<FeaturePose> poses_by_features(const Features& seen,
+                                                           const std::vector<std::size_t>& keyframes) const;
+  /// The first of them, if any.
   [[nodiscard]] std::optional<Eigen::Isometry3d> estimate_pose_by_features(
       const Features& seen, const std::vector<std::size_t>& keyframes) const;
+  /// Takes a stored keyframe as photometric reference. Returns false without color or file.
+  [[nodiscard]] bool set_reference(std::size_t keyframe);
   /// The newest keyframes, newest first.
   [[nodiscard]] std::vector<std::size_t> recent_keyframes() const;
   /// Keyframes to compare a lost frame with: the most similar ones, and a rotating subset of the rest.
@@ -191,6 +210,8 @@ class Tracker {
   gpu::Kernel<shader::MovingJudgePush> judge_;
   gpu::Kernel<shader::MovingMaskPush> mask_;
   SurfacePrediction prediction_;  // of the alignment returned by track
+  bool removes_moving_ = true;
+  Preprocessor* keyframe_preprocessor_ = nullptr;
   State state_;
 };
 

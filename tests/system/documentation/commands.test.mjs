@@ -229,7 +229,7 @@ test('every reason stands for a line that is there', () => {
 
 test('every option that is named is one', () => {
   const help = (...args) => spawnSync(cairn, [...args, '--help'], { encoding: 'utf8' }).stdout;
-  const subcommands = ['reconstruct', 'export', 'splat', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'plan', 'match',
+  const subcommands = ['reconstruct', 'export', 'localize', 'splat', 'live', 'record', 'view', 'synth', 'esdf', 'merge', 'plan', 'match',
     'optimize', 'tile', 'tileset', 'change', 'devices',
     'evaluate', 'graph', 'info', 'calibrate', 'convert', 'demo', 'doctor', 'help', 'completion'].map((name) => [name]);
   for (const name of ['trajectory', 'mesh', 'views', 'topology', 'distances', 'loops']) subcommands.push(['evaluate', name]);
