@@ -141,9 +141,11 @@ std::vector<std::string> recordings_of(const fs::path& map) {
 }
 
 void print(const ExportedPlan& e, const PlanOptions& options) {
-  for (const fs::path& file : e.files)
-    print_result("{}  {}, 1:{} on {}\n", file.string(), format_size(fs::file_size(file)), e.scale,
-                 e.paper.empty() ? fmt::format("{:.0f} mm x {:.0f} mm", e.width_mm, e.height_mm) : e.paper);
+  for (const fs::path& file : e.files) {
+    const std::string page = e.paper.empty() ? fmt::format("{:.0f} mm x {:.0f} mm", e.width_mm, e.height_mm) : e.paper;
+    print_result("{}  {}{}\n", file.string(), format_size(fs::file_size(file)),
+                 extension_of(file) == ".ifc" ? "" : fmt::format(", 1:{} on {}", e.scale, page));
+  }
   for (std::size_t i = 0; i < e.storeys.size(); ++i) {
     const ExportedStorey& s = e.storeys[i];
     print_result(
