@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "alignment/preintegration.hpp"
+#include "inertial/preintegration.hpp"
 
 namespace cairn {
 namespace {

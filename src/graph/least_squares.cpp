@@ -6,9 +6,11 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 
 #include "graph/components.hpp"
+#include "graph/inertial_problem.hpp"
 
 namespace cairn {
 namespace {
@@ -119,7 +121,8 @@ double cost(const PoseGraph& graph, const std::vector<NodePose>& poses, const st
   return sum;
 }
 
-int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, std::vector<NodePose>& poses) {
+int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, std::vector<NodePose>& poses,
+          InertialGraph* inertial) {
   ceres::Problem problem;
   for (std::size_t k = 0; k < graph.edges.size(); ++k)
     if (const auto& edge = graph.edges[k]; weights[k] > 0)
@@ -130,6 +133,8 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<GravityError, 3, 7>(new GravityError{g.up, 1 / g.sigma}),
                              nullptr, poses[g.node].data());
   const auto anchors = component_of(graph, weights);
+  std::optional<InertialProblem> inertial_problem;
+  if (inertial != nullptr) inertial_problem.emplace(*inertial, anchors, poses, problem);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!problem.HasParameterBlock(poses[i].data())) continue;
     problem.SetManifold(poses[i].data(),
@@ -152,6 +157,7 @@ int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterat
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) throw std::runtime_error("pose graph: " + summary.message);
+  if (inertial_problem) inertial_problem->finish();
   return static_cast<int>(summary.iterations.size()) - 1;
 }
 

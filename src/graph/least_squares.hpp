@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "cairn/mapping/pose_graph.hpp"
+#include "graph/inertial_graph.hpp"
 
 namespace cairn {
 
@@ -25,7 +26,9 @@ using NodePose = std::array<double, 7>;  // quaternion x y z w, translation
                           const std::vector<double>& weights);
 
 /// Levenberg-Marquardt over the edges of positive weight, starting at `poses`. The first node of each component is
-/// fixed. Returns the number of iterations. Throws std::runtime_error without a usable solution.
-int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, std::vector<NodePose>& poses);
+/// fixed. `inertial`: used and updated as by optimize(); may be null. Returns the number of iterations. Throws
+/// std::runtime_error without a usable solution.
+int solve(const PoseGraph& graph, const std::vector<double>& weights, int iterations, std::vector<NodePose>& poses,
+          InertialGraph* inertial = nullptr);
 
 }  // namespace cairn

@@ -13,6 +13,7 @@
 #include "graph/coarse.hpp"
 #include "graph/components.hpp"
 #include "graph/consistency.hpp"
+#include "graph/inertial_graph.hpp"
 #include "graph/least_squares.hpp"
 
 namespace cairn {
@@ -54,6 +55,19 @@ void check(const PoseGraph& graph) {
           fmt::format("pose graph: the gravity of node {} is not a unit vector with a positive sigma", g.node));
 }
 
+/// Current estimate of a graph: poses and edge weights.
+struct Estimate {
+  std::vector<NodePose> poses;
+  std::vector<double> weights;
+  InertialGraph* inertial = nullptr;
+  int iterations = 0;
+  bool from_chordal = false;
+
+  void solve(const PoseGraph& graph, int max_iterations) {
+    iterations += cairn::solve(graph, weights, max_iterations, poses, inertial);
+  }
+};
+
 /// Uses the chordal initialization if its cost is lower. Returns true in this case.
 bool start_from_chordal(const PoseGraph& graph, const std::vector<double>& weights, std::vector<NodePose>& poses) {
   std::vector<NodePose> chordal = node_poses(chordal_initialization(graph, weights));
@@ -78,17 +92,16 @@ double reweight_heavy_tailed(const PoseGraph& graph, const std::vector<double>& 
 
 /// Graduated non-convexity with truncated least squares (Yang, Antonante, Tzoumas & Carlone 2020, sec. III). Edges with
 /// zero initial weight stay rejected.
-int graduated_non_convexity(const PoseGraph& graph, const OptimizeOptions& options, std::vector<NodePose>& poses,
-                            std::vector<double>& weights) {
+void graduated_non_convexity(const PoseGraph& graph, const OptimizeOptions& options, Estimate& estimate) {
+  std::vector<double>& weights = estimate.weights;
   const double limit = options.inlier_threshold;
   std::vector<std::size_t> judged;
   for (std::size_t k = 0; k < weights.size(); ++k)
     if (graph.edges[k].is_loop_closure && weights[k] > 0) judged.push_back(k);
-  std::vector<double> squared = squared_errors(graph, poses);
+  std::vector<double> squared = squared_errors(graph, estimate.poses);
   double max_squared = 0;
   for (const std::size_t k : judged) max_squared = std::max(max_squared, squared[k]);
-  int iterations = 0;
-  if (max_squared <= limit) return iterations;
+  if (max_squared <= limit) return;
   double mu = limit / (2 * max_squared - limit);
   for (int round = 0; round < kMaxRounds; ++round, mu *= kGrowth) {
     bool decided = true;
@@ -102,11 +115,10 @@ int graduated_non_convexity(const PoseGraph& graph, const OptimizeOptions& optio
         w = std::sqrt(limit * mu * (mu + 1) / squared[k]) - mu, decided = false;
     }
     reweight_heavy_tailed(graph, squared, kNoiseFactor, weights);
-    iterations += solve(graph, weights, kRoundIterations, poses);
+    estimate.solve(graph, kRoundIterations);
     if (decided && round > 0) break;
-    squared = squared_errors(graph, poses);
+    squared = squared_errors(graph, estimate.poses);
   }
-  return iterations;
 }
 
 bool is_mostly_odometry(const PoseGraph& graph) {
@@ -115,17 +127,9 @@ bool is_mostly_odometry(const PoseGraph& graph) {
   return graph.world_from_node.size() >= kLargeGraph && kMinNodesPerLoop * loops <= graph.world_from_node.size();
 }
 
-/// Current estimate of a graph: poses and edge weights.
-struct Estimate {
-  std::vector<NodePose> poses;
-  std::vector<double> weights;
-  int iterations = 0;
-  bool from_chordal = false;
-};
-
 void optimize_weighted(const PoseGraph& graph, const OptimizeOptions& options, Estimate& estimate) {
   estimate.from_chordal = start_from_chordal(graph, estimate.weights, estimate.poses);
-  estimate.iterations += solve(graph, estimate.weights, options.max_iterations, estimate.poses);
+  estimate.solve(graph, options.max_iterations);
 }
 
 /// Iteratively reweighted least squares for heavy-tailed edges. Their noise is inflated at first, so that an outlier
@@ -138,14 +142,14 @@ void optimize_heavy_tailed(const PoseGraph& graph, Estimate& estimate) {
     const double change =
         reweight_heavy_tailed(graph, squared_errors(graph, estimate.poses), noise_factor, estimate.weights);
     if (noise_factor == 1 && round++ > 0 && change < kWeightTolerance) return;
-    estimate.iterations += solve(graph, estimate.weights, kRoundIterations, estimate.poses);
+    estimate.solve(graph, kRoundIterations);
   }
 }
 
 void optimize_robustly(const PoseGraph& graph, const OptimizeOptions& options, Estimate& estimate) {
   optimize_weighted(graph, options, estimate);
   const bool from_chordal = estimate.from_chordal;
-  estimate.iterations += graduated_non_convexity(graph, options, estimate.poses, estimate.weights);
+  graduated_non_convexity(graph, options, estimate);
   optimize_weighted(graph, options, estimate);  // a false edge may have moved the poses too far to recover
   optimize_heavy_tailed(graph, estimate);
   estimate.from_chordal = from_chordal;
@@ -161,7 +165,7 @@ bool retry_rejected(const PoseGraph& graph, const OptimizeOptions& options, Esti
   const auto squared = squared_errors(graph, estimate.poses);
   for (std::size_t k = 0; k < estimate.weights.size(); ++k)
     if (squared[k] <= kMaxRetryError * options.inlier_threshold) estimate.weights[k] = 1;
-  estimate.iterations += graduated_non_convexity(graph, options, estimate.poses, estimate.weights);
+  graduated_non_convexity(graph, options, estimate);
   return inlier_count(estimate.weights) > before;
 }
 
@@ -187,8 +191,8 @@ void optimize_coarse_to_fine(const PoseGraph& graph, const OptimizeOptions& opti
       estimate.weights[k] = coarse_estimate.weights[e];
   estimate.poses = node_poses(coarse.interpolate(graph));
   estimate.from_chordal = coarse_estimate.from_chordal;
-  estimate.iterations +=
-      coarse_estimate.iterations + solve(graph, estimate.weights, options.max_iterations, estimate.poses);
+  estimate.iterations += coarse_estimate.iterations;
+  estimate.solve(graph, options.max_iterations);
 }
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
@@ -197,7 +201,9 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 }  // namespace
 
-OptimizeReport optimize(PoseGraph& graph, const OptimizeOptions& options) {
+OptimizeReport optimize(PoseGraph& graph, const OptimizeOptions& options) { return optimize(graph, nullptr, options); }
+
+OptimizeReport optimize(PoseGraph& graph, InertialGraph* inertial, const OptimizeOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   check(graph);
   OptimizeReport report;
@@ -207,7 +213,7 @@ OptimizeReport optimize(PoseGraph& graph, const OptimizeOptions& options) {
   report.edge_weights = weights;
   if (graph.edges.empty() && graph.gravity.empty()) return report;
 
-  Estimate estimate{.poses = node_poses(graph.world_from_node), .weights = weights};
+  Estimate estimate{.poses = node_poses(graph.world_from_node), .weights = weights, .inertial = inertial};
   if (options.robust) {
     estimate.weights = initial_weights(graph, options.inlier_threshold);
     for (std::size_t k = 0; k < weights.size(); ++k)
@@ -227,7 +233,7 @@ OptimizeReport optimize(PoseGraph& graph, const OptimizeOptions& options) {
     for (std::size_t k = 0; k < estimate.weights.size(); ++k)
       if (graph.edges[k].is_loop_closure) estimate.weights[k] = squared[k] <= options.inlier_threshold ? 1.0 : 0.0;
     if (is_large)
-      estimate.iterations += solve(graph, estimate.weights, options.max_iterations, estimate.poses);
+      estimate.solve(graph, options.max_iterations);
     else
       optimize_weighted(graph, options, estimate), optimize_heavy_tailed(graph, estimate);
   }

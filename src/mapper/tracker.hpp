@@ -6,7 +6,7 @@
 #include "alignment/align.hpp"
 #include "alignment/device_odometry.hpp"
 #include "alignment/gyroscope.hpp"
-#include "alignment/inertial_odometry.hpp"
+#include "inertial/inertial_odometry.hpp"
 #include "base/stopwatch.hpp"
 #include "cairn/mapping/frame.hpp"
 #include "cairn/mapping/reports.hpp"

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "alignment/preintegration.hpp"
+#include "inertial/preintegration.hpp"
 #include "cairn/mapping/pose.hpp"
 
 namespace cairn {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "alignment/inertial_odometry.hpp"
+#include "inertial/inertial_odometry.hpp"
 
 #include <gtest/gtest.h>
 

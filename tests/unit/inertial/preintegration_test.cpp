@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-#include "alignment/preintegration.hpp"
+#include "inertial/preintegration.hpp"
 
 #include <gtest/gtest.h>
 

@@ -26,6 +26,14 @@ struct InertialBias {
   Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // m/s^2
 };
 
+/// Mount of the sensor on the camera.
+struct InertialMount {
+  Eigen::Quaterniond imu_from_camera = Eigen::Quaterniond::Identity();  // correction of the camera's nominal axes
+  Eigen::Vector3d lever = Eigen::Vector3d::Zero();  // of the camera from the sensor, m, in the sensor's axes
+};
+
+inline constexpr double kStandardGravity = 9.81;  // m/s^2
+
 /// Pre-integrated motion of an inertial sensor between times i and j (Forster et al. 2017, eq. 33 to 44), in its frame
 /// at i, without gravity. Rates and accelerations have the same axes.
 struct Preintegration {
