@@ -13,8 +13,10 @@ namespace {
 
 constexpr double kMaxGap = 0.1;   // max. seconds between samples, or between the interval and its nearest sample
 constexpr double kDecay = 0.998;  // decay of the sums per learned rotation
-constexpr double kMinRotationsForBias = 20;         // min. rotations for a bias estimate
-constexpr double kMinRotationsForOrientation = 45;  // min. rotations for an estimate of the sensor's orientation
+constexpr double kRecentDecay = 0.9, kMinRecent = 2.5;    // of the last rotations; after three
+constexpr double kMaxNoise = 0.01, kMaxErrorRatio = 0.5;  // rad, share of the rotations: RMS errors
+constexpr double kMinRotationsForBias = 20;               // min. rotations for a bias estimate
+constexpr double kMinRotationsForOrientation = 45;        // min. rotations for an estimate of the sensor's orientation
 constexpr double kMinRotationRate =
     0.05;  // rad/s about two axes, RMS: min. motion to estimate the sensor's orientation
 
@@ -52,7 +54,7 @@ std::optional<Eigen::Quaterniond> Gyroscope::integrated(double since, double unt
 
 std::optional<Eigen::Quaterniond> Gyroscope::rotation(double since, double until) const {
   const auto orientation = camera_from_imu();
-  if (!orientation) return std::nullopt;
+  if (!orientation || is_contradicted()) return std::nullopt;
   const auto measured = integrated(since, until, bias());
   if (!measured) return std::nullopt;
   return *orientation * *measured * orientation->conjugate();
@@ -81,10 +83,24 @@ void Gyroscope::learn(double since, double until, const Eigen::Quaterniond& rota
   };
   const Eigen::Vector3d imu = rate_of(*measured), camera = rate_of(rotation);
   State& m = state_;
+  if (const auto orientation = camera_from_imu()) {
+    const double seconds = until - since;
+    m.recent = kRecentDecay * m.recent + 1;
+    m.squared_errors =
+        kRecentDecay * m.squared_errors + (seconds * (camera - *orientation * (imu - bias()))).squaredNorm();
+    m.squares = kRecentDecay * m.squares + (seconds * camera).squaredNorm();
+  }
   m.count = kDecay * m.count + 1;
   m.imu = kDecay * m.imu + imu;
   m.camera = kDecay * m.camera + camera;
   m.camera_imu = kDecay * m.camera_imu + camera * imu.transpose();
+}
+
+/// True if the predictions of the last rotations had nearly the errors of no prediction.
+bool Gyroscope::is_contradicted() const {
+  const State& m = state_;
+  return m.recent > kMinRecent &&
+         std::sqrt(m.squared_errors / m.recent) > kMaxNoise + kMaxErrorRatio * std::sqrt(m.squares / m.recent);
 }
 
 /// Kabsch 1976, of the rates around their means.

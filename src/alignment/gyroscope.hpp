@@ -20,8 +20,8 @@ class Gyroscope {
   void add(const std::vector<AngularRate>& samples);
   /// Drops samples not needed for times after `time`.
   void forget_before(double time);
-  /// Rotation from the camera at `until` to the camera at `since` (seconds). Empty if samples are missing or the
-  /// sensor's orientation is unknown.
+  /// Rotation from the camera at `until` to the camera at `since` (seconds). Empty if samples are missing, the sensor's
+  /// orientation is unknown, or the last learned rotations contradict the sensor.
   [[nodiscard]] std::optional<Eigen::Quaterniond> rotation(double since, double until) const;
   /// Angular rate of the camera near `time`, rad/s in its frame; empty as above.
   [[nodiscard]] std::optional<Eigen::Vector3d> rate(double time) const;
@@ -35,6 +35,9 @@ class Gyroscope {
     double count = 0;
     Eigen::Vector3d imu = Eigen::Vector3d::Zero(), camera = Eigen::Vector3d::Zero();
     Eigen::Matrix3d camera_imu = Eigen::Matrix3d::Zero();
+    // Decaying sums over the last learned rotations: their number, squared errors of the prediction, and squares;
+    // rad^2.
+    double recent = 0, squared_errors = 0, squares = 0;
   };
   [[nodiscard]] const State& save() const { return state_; }
   void restore(const State& state) { state_ = state; }
@@ -43,6 +46,7 @@ class Gyroscope {
   [[nodiscard]] Eigen::Vector3d bias() const;  ///< rad/s, in the sensor's axes
 
  private:
+  [[nodiscard]] bool is_contradicted() const;
   /// Rotation of the sensor, without bias correction of its own, in its axes. Empty if samples are missing.
   [[nodiscard]] std::optional<Eigen::Quaterniond> integrated(double since, double until,
                                                              const Eigen::Vector3d& bias) const;

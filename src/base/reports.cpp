@@ -4,6 +4,20 @@
 
 namespace cairn {
 
+std::string_view to_string(InertialReport::State state) {
+  switch (state) {
+    case InertialReport::State::absent:
+      return "absent";
+    case InertialReport::State::untested:
+      return "untested";
+    case InertialReport::State::trusted:
+      return "trusted";
+    case InertialReport::State::contradicted:
+      return "contradicted";
+  }
+  return "absent";
+}
+
 std::string_view to_string(FrameState state) {
   switch (state) {
     case FrameState::fused:

@@ -68,6 +68,11 @@ std::optional<GravityEstimate> estimate_gravity(const GravityEvidence& evidence,
                            .source = GravityAlignment::Source::option,
                            .description = up == Up::camera ? "up axis of the first camera image (Options::up)"
                                                            : fmt::format("{} is up (Options::up)", to_string(up))};
+  if (evidence.inertial)
+    return GravityEstimate{.down = evidence.inertial->down,
+                           .source = GravityAlignment::Source::accelerometer,
+                           .description = fmt::format("measured by gyroscope and accelerometer, +-{:.1f} degrees",
+                                                      evidence.inertial->sigma * 180 / std::numbers::pi)};
   if (const auto measured = accelerometer_gravity(evidence.accelerations)) {
     const auto refined = refine_gravity(evidence.views, *measured);
     return GravityEstimate{.down = refined ? refined->down : *measured,

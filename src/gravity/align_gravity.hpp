@@ -7,6 +7,7 @@
 
 #include "cairn/mapping/gravity_alignment.hpp"
 #include "gravity/gravity.hpp"
+#include "inertial/inertial_keyframe.hpp"
 
 namespace cairn {
 
@@ -15,6 +16,7 @@ struct GravityEvidence {
   std::vector<StructureView> views;
   Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();  // summed over frames, m/s^2: the vectors; their norms
   Eigen::Matrix3d world_from_first_camera = Eigen::Matrix3d::Identity();
+  std::optional<MeasuredGravity> inertial;  // by a gyroscope and an accelerometer
 };
 
 /// Estimated gravity direction.
@@ -24,7 +26,8 @@ struct GravityEstimate {
   std::string description;  // see GravityAlignment
 };
 
-/// Gravity direction by `up`, or else from the accelerometer, or else from floors and walls. Empty without evidence.
+/// Gravity direction by `up`, or else from the inertial sensors, from the accelerometer alone, or else from floors and
+/// walls. Empty without evidence.
 [[nodiscard]] std::optional<GravityEstimate> estimate_gravity(const GravityEvidence& evidence, Up up);
 /// Gravity alignment by the shortest rotation of the gravity direction to +y.
 [[nodiscard]] GravityAlignment gravity_alignment_of(const GravityEstimate& found, const GravityEvidence& evidence);

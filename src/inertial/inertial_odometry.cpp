@@ -21,7 +21,6 @@ using TrackedPose = InertialOdometry::TrackedPose;
 constexpr int kRotation = 0, kPosition = 3, kVelocity = 6, kGyro = 9, kAcceleration = 12, kGravityDirection = 15,
               kExtrinsic = 17, kLever = 20, kClock = 23;
 
-constexpr double kGravity = 9.81;  // m/s^2
 // Prior sigmas: rad, m, m/s, rad/s, m/s^2, s.
 constexpr double kRotationPrior = 0.004, kPositionPrior = 0.005, kVelocityPrior = 0.1, kGyroPrior = 0.005,
                  kAccelerationPrior = 0.1, kGravityPrior = 0.03, kExtrinsicPrior = 0.015, kLeverPrior = 0.03,
@@ -54,8 +53,9 @@ constexpr std::ptrdiff_t kMaxTrustedFailures = 2, kMaxFailures = 4;  // of them:
 constexpr double kChiSquared999 = 22.46;  // 99.9 % of the chi-squared distribution with 6 degrees of freedom
 // Poses in a row, before the filter follows them: before the test, and after it.
 constexpr int kMaxRejected = 3, kMaxRejectedByTested = 30;
-constexpr double kGyroStep = 0.1;      // min. seconds between the poses for the gyroscope's bias
-constexpr double kRateWindow = 0.015;  // seconds
+constexpr double kMinGravitySigma = 0.002;  // rad, of a keyframe: drift of the world
+constexpr double kGyroStep = 0.1;           // min. seconds between the poses for the gyroscope's bias
+constexpr double kRateWindow = 0.015;       // seconds
 
 /// Derivative of the gravity vector with respect to its direction, rad.
 Eigen::Matrix<double, 3, 2> gravity_by_direction(const Eigen::Vector3d& gravity) {
@@ -240,6 +240,7 @@ void InertialOdometry::forget_samples() {
   double since = newest - kMaxSeconds - 1;
   if (state_.filter) since = std::max(since, state_.test ? state_.test->timestamp : state_.filter->timestamp);
   if (!state_.filter && !state_.window.empty()) since = std::max(since, state_.window.front().timestamp);
+  if (state_.keyframe) since = std::min(since, std::max(*state_.keyframe - kMaxLag, newest - kMaxSeconds - 1));
   const auto forget = [&](auto& samples) {
     const auto first =
         std::find_if(samples.begin(), samples.end(), [&](const auto& s) { return s.timestamp >= since; });
@@ -332,7 +333,8 @@ bool InertialOdometry::correct(Filter& f, const TrackedPose& pose) const {
   f.velocity += x.segment<3>(kVelocity);
   f.bias.gyro += x.segment<3>(kGyro);
   f.bias.acceleration += x.segment<3>(kAcceleration);
-  f.gravity = kGravity * (f.gravity + gravity_by_direction(f.gravity) * x.segment<2>(kGravityDirection)).normalized();
+  f.gravity =
+      kStandardGravity * (f.gravity + gravity_by_direction(f.gravity) * x.segment<2>(kGravityDirection)).normalized();
   f.imu_from_camera = (f.imu_from_camera * rotation_by(x.segment<3>(kExtrinsic))).normalized();
   f.lever += x.segment<3>(kLever);
   f.clock += x[kClock];
@@ -359,7 +361,7 @@ std::optional<InertialOdometry::Filter> InertialOdometry::initial_state() {
   const bool rotates_differently =
       gyro->error > kStartRotationNoise + kMaxStartRotationError * gyro->motion || gyro->bias.norm() > kMaxGyroBias;
   const bool moves_differently =
-      std::abs(linear->gravity.norm() - kGravity) > kMaxGravityError || linear->error > kMaxStartError;
+      std::abs(linear->gravity.norm() - kStandardGravity) > kMaxGravityError || linear->error > kMaxStartError;
   if (rotates_differently || moves_differently) {
     if (++state_.failed_starts < kMaxFailedStarts) return std::nullopt;
     state_.is_gyro_contradicted = rotates_differently;
@@ -370,7 +372,7 @@ std::optional<InertialOdometry::Filter> InertialOdometry::initial_state() {
   f.timestamp = poses.front().timestamp;
   f.rotation = Eigen::Quaterniond(poses.front().world_from_camera.linear());
   f.position = poses.front().world_from_camera.translation(), f.velocity = linear->velocity;
-  f.gravity = kGravity * linear->gravity.normalized();
+  f.gravity = kStandardGravity * linear->gravity.normalized();
   f.bias.gyro = gyro->bias;
   const std::pair<int, double> priors[] = {{kGyro, kGyroPrior}, {kAcceleration, kAccelerationPrior}};
   for (const auto& [at, sigma] : priors) set_prior(f.covariance, at, 3, sigma);
@@ -476,6 +478,43 @@ void InertialOdometry::contradict() {
   const bool gyro = state_.is_gyro_contradicted;
   state_ = {};
   state_.is_contradicted = true, state_.is_gyro_contradicted = gyro;
+}
+
+InertialKeyframe InertialOdometry::take_keyframe(double timestamp, const Eigen::Isometry3d& world_from_camera) {
+  InertialKeyframe keyframe;
+  if (state_.is_contradicted || !has_samples()) return keyframe;
+  const std::optional<Filter>& known = state_.filter ? state_.filter : state_.prior;
+  const double clock = known ? known->clock : 0;
+  InertialNoise noise = noise_;
+  noise.gyro *= state_.noise_scale, noise.acceleration *= state_.noise_scale;
+  if (const auto before = std::exchange(state_.keyframe, timestamp))
+    keyframe.step = preintegrate(state_.rates, state_.accelerations, *before + clock, timestamp + clock,
+                                 known ? known->bias : InertialBias{}, noise);
+  if (!is_trusted()) return keyframe;
+  const auto direction = state_.filter->covariance.block<2, 2>(kGravityDirection, kGravityDirection);
+  keyframe.gravity = MeasuredGravity{world_from_camera.linear().transpose() * state_.filter->gravity.normalized(),
+                                     std::max(kMinGravitySigma, std::sqrt(direction.trace()))};
+  return keyframe;
+}
+
+InertialReport InertialOdometry::report() const {
+  if (state_.is_contradicted) return {.state = InertialReport::State::contradicted};
+  if (!has_samples()) return {};
+  const std::optional<Filter>& known = state_.filter && is_trusted() ? state_.filter : state_.prior;
+  if (!known) return {.state = InertialReport::State::untested};
+  const auto direction = known->covariance.block<2, 2>(kGravityDirection, kGravityDirection);
+  return {.state = InertialReport::State::trusted,
+          .gyroscope_bias = known->bias.gyro,
+          .accelerometer_bias = known->bias.acceleration,
+          .imu_from_camera = known->imu_from_camera,
+          .lever = known->lever,
+          .clock = known->clock,
+          .gravity_sigma = std::sqrt(direction.trace())};
+}
+
+std::optional<InertialMount> InertialOdometry::mount() const {
+  if (!is_trusted()) return std::nullopt;
+  return InertialMount{state_.filter->imu_from_camera, state_.filter->lever};
 }
 
 std::optional<InertialOdometry::Prediction> InertialOdometry::predict(double timestamp) const {

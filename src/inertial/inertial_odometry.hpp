@@ -5,8 +5,9 @@
 #include <optional>
 #include <vector>
 
-#include "inertial/preintegration.hpp"
 #include "cairn/mapping/pose.hpp"
+#include "cairn/mapping/reports.hpp"
+#include "inertial/inertial_keyframe.hpp"
 
 namespace cairn {
 
@@ -54,6 +55,14 @@ class InertialOdometry {
   [[nodiscard]] std::optional<Prediction> predict(double timestamp) const;
   static constexpr double kMaxSeconds = 3;
 
+  /// Measurements of a keyframe at the last tracked pose, for the pose graph. The next call gives the motion since.
+  [[nodiscard]] InertialKeyframe take_keyframe(double timestamp, const Eigen::Isometry3d& world_from_camera);
+  /// Mount of the sensor; none: not trusted.
+  [[nodiscard]] std::optional<InertialMount> mount() const;
+
+  /// State of the sensor for users.
+  [[nodiscard]] InertialReport report() const;
+
   struct TrackedPose {
     double timestamp = 0;
     Eigen::Isometry3d world_from_camera = Eigen::Isometry3d::Identity();
@@ -75,6 +84,7 @@ class InertialOdometry {
     int failed_starts = 0;                               // initializations in a row that contradict the poses
     int rejected = 0;                                    // poses in a row that contradict the prediction
     bool is_contradicted = false, is_gyro_contradicted = false;
+    std::optional<double> keyframe;  // timestamp of the last keyframe
   };
   [[nodiscard]] const State& save() const { return state_; }
   void restore(const State& state) { state_ = state; }

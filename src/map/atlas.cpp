@@ -3,6 +3,7 @@
 #include "map/atlas.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 
 #include "base/union_find.hpp"
@@ -72,7 +73,7 @@ PoseGraph Atlas::graph(std::size_t keyframe_count, std::size_t loop_count) const
   for (std::size_t k = 0; k < keyframe_count; ++k) {
     graph.world_from_node.push_back(world_from_camera[k]);
     const Keyframe& keyframe = keyframes[k];
-    if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0)
+    if (const auto& at_rest = keyframe.acceleration; at_rest && at_rest->norm() > 0 && !inertial_mount)
       graph.gravity.push_back({.node = k, .up = at_rest->normalized(), .sigma = kAccelerometerSigma});
     if (!keyframe.follows) continue;
     if (const auto by_device = device_edge(k)) graph.edges.push_back(*by_device);
@@ -80,6 +81,23 @@ PoseGraph Atlas::graph(std::size_t keyframe_count, std::size_t loop_count) const
   }
   for (std::size_t k = 0; k < loop_count; ++k) graph.edges.push_back(loops[k].edge);
   return graph;
+}
+
+std::optional<InertialGraph> Atlas::inertial_graph(std::size_t keyframe_count) const {
+  if (!inertial_mount) return std::nullopt;
+  InertialGraph inertial{.mount = *inertial_mount};
+  for (std::size_t k = 0; k < keyframe_count; ++k) {
+    const InertialKeyframe& measured = keyframes[k].inertial;
+    inertial.gravity.push_back(
+        measured.gravity ? std::optional(Eigen::Vector3d(kStandardGravity * measured.gravity->down)) : std::nullopt);
+    if (k > 0 && measured.step) inertial.steps.push_back({k - 1, k, *measured.step});
+  }
+  return inertial;
+}
+
+void Atlas::forget_inertial() {
+  inertial_mount.reset();
+  for (Keyframe& keyframe : keyframes) keyframe.inertial = {};
 }
 
 PoseGraph::Edge Atlas::odometry_edge(std::size_t keyframe) const {
@@ -116,7 +134,8 @@ std::vector<double> Atlas::edge_weights() const {
   return weights;
 }
 
-void Atlas::update_poses(const PoseGraph& graph, const OptimizeReport& report) {
+void Atlas::update_poses(const PoseGraph& graph, const OptimizeReport& report,
+                         const std::optional<InertialGraph>& inertial) {
   const std::size_t node_count = graph.world_from_node.size();
   const auto is_equal = [](const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) { return a.matrix() == b.matrix(); };
   if (!std::equal(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin(), is_equal))
@@ -124,9 +143,19 @@ void Atlas::update_poses(const PoseGraph& graph, const OptimizeReport& report) {
   std::copy(graph.world_from_node.begin(), graph.world_from_node.end(), world_from_camera.begin());
   for (std::size_t k = node_count; k < keyframes.size(); ++k)
     if (keyframes[k].follows) world_from_camera[k] = correction(k - 1) * keyframes[k].submap_from_camera;
+  if (inertial) update_gravity(*inertial);
   std::size_t loop = 0;
   for (std::size_t e = 0; e < graph.edges.size(); ++e)
     if (graph.edges[e].is_loop_closure) loops[loop++].inlier = report.edge_weights[e] > 0.5;
+}
+
+void Atlas::update_gravity(const InertialGraph& inertial) {
+  double sigma = std::numeric_limits<double>::infinity();
+  for (const Keyframe& keyframe : keyframes)
+    if (keyframe.inertial.gravity) sigma = std::min(sigma, keyframe.inertial.gravity->sigma);
+  for (std::size_t k = 0; k < inertial.gravity.size(); ++k)
+    if (const auto& gravity = inertial.gravity[k])
+      keyframes[k].inertial.gravity = MeasuredGravity{gravity->normalized(), sigma};
 }
 
 void Atlas::align_components(const PoseGraph::Edge& edge) {
@@ -170,13 +199,20 @@ GravityEvidence Atlas::gravity_evidence() const {
   const auto component_of = components();
   const std::size_t main = main_component();
   GravityEvidence evidence{.world_from_first_camera = world_from_camera[main].linear()};
+  Eigen::Vector3d down = Eigen::Vector3d::Zero();
+  double sigma = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < keyframes.size(); ++k) {
     if (component_of[k] != main) continue;
     const Eigen::Matrix3d rotation = world_from_camera[k].linear();
     evidence.views.push_back({rotation, &keyframes[k].structure});
     evidence.accelerations.head<3>() += rotation * keyframes[k].accelerations.head<3>();
     evidence.accelerations[3] += keyframes[k].accelerations[3];
+    if (const auto& gravity = keyframes[k].inertial.gravity) {
+      down += rotation * gravity->down / (gravity->sigma * gravity->sigma);
+      sigma = std::min(sigma, gravity->sigma);
+    }
   }
+  if (inertial_mount && down.norm() > 0) evidence.inertial = MeasuredGravity{down.normalized(), sigma};
   return evidence;
 }
 

@@ -7,6 +7,7 @@
 #include "cairn/mapping/pose_graph.hpp"
 #include "cairn/mapping/surface_sigma.hpp"
 #include "cairn/mapping/trajectory.hpp"
+#include "graph/inertial_graph.hpp"
 #include "gravity/align_gravity.hpp"
 #include "map/fused_frames.hpp"
 #include "map/keyframe.hpp"
@@ -46,6 +47,7 @@ struct Atlas {
   std::optional<FrozenGravity> frozen_gravity;  // frozen when the map was written before another recording extended it
   SurfaceSigma surface_sigma;       // of the last bundle adjustment, cleared when keyframes move; empty: unknown
   std::vector<AdjustedStep> steps;  // of the last bundle adjustment, by keyframe; later keyframes have none
+  std::optional<InertialMount> inertial_mount;  // none: no trusted inertial sensor
 
   /// Adds a keyframe at its tracked pose.
   void add(const Keyframe& keyframe);
@@ -65,10 +67,15 @@ struct Atlas {
   [[nodiscard]] PoseGraph graph() const { return graph(keyframes.size(), loops.size()); }
   /// Pose graph of the first keyframes and loop closures. The loop closures must connect only these keyframes.
   [[nodiscard]] PoseGraph graph(std::size_t keyframe_count, std::size_t loop_count) const;
+  /// Inertial measurements of the first keyframes, for graph(). None without a trusted sensor.
+  [[nodiscard]] std::optional<InertialGraph> inertial_graph(std::size_t keyframe_count) const;
+  /// Removes the measurements of a sensor that contradicts the tracked motion.
+  void forget_inertial();
   /// Weights of graph()'s edges: 1 for inliers, 0 for rejected loop closures.
   [[nodiscard]] std::vector<double> edge_weights() const;
   /// Takes over the result of optimize() on a graph of this atlas. Later keyframes and loop closures are kept.
-  void update_poses(const PoseGraph& graph, const OptimizeReport& report);
+  void update_poses(const PoseGraph& graph, const OptimizeReport& report,
+                    const std::optional<InertialGraph>& inertial = {});
   /// Moves one keyframe's component rigidly to satisfy the measured relative pose.
   void align_components(const PoseGraph::Edge& edge);
   /// Trajectory of a component: every `step`-th frame from `begin` to `end`, and the last. Corrections are interpolated
@@ -87,6 +94,8 @@ struct Atlas {
   /// The same motion by the device's own tracking. None if it is no measurement, or if the adjusted step contains it.
   [[nodiscard]] std::optional<PoseGraph::Edge> device_edge(std::size_t keyframe) const;
   [[nodiscard]] GravityEvidence gravity_evidence() const;
+  /// Takes over the gravity estimated with the poses.
+  void update_gravity(const InertialGraph& inertial);
   [[nodiscard]] std::optional<FrozenGravity> frozen_or_estimated(const GravityEvidence& evidence) const;
 };
 

@@ -16,6 +16,7 @@
 #include "cairn/mapping/pose.hpp"
 #include "geometry/device_drift.hpp"
 #include "gravity/structure.hpp"
+#include "inertial/inertial_keyframe.hpp"
 #include "map/numbered_files.hpp"
 #include "place/features.hpp"
 
@@ -38,7 +39,8 @@ struct Keyframe {
   /// Accelerations of the frames since, in this keyframe's camera frame, m/s^2: sum of the vectors, and sum of their
   /// norms.
   Eigen::Vector4d accelerations = Eigen::Vector4d::Zero();
-  Structure structure;  // surface orientations in the depth image
+  Structure structure;        // surface orientations in the depth image
+  InertialKeyframe inertial;  // by a gyroscope and an accelerometer
 };
 
 /// True if the motion between two camera poses exceeds the keyframe distance, multiplied by `factor`.

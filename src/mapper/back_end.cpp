@@ -22,6 +22,8 @@ constexpr double kSparseDistanceFactor = 2;
 constexpr int kMinCoveringKeyframes = 6;  // keyframes of earlier submaps that saw the same surface: at least two visits
 constexpr double kIdentityTolerance = 1e-4;  // m, rad
 constexpr const char* kNoFeatures = "keyframes without features are not recognized";
+constexpr double kMaxBreakSigma = 0.3;  // m, of a motion between two components
+constexpr double kBreakCovarianceFactor = 9;
 
 double milliseconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
@@ -46,8 +48,7 @@ BackEnd::BackEnd(gpu::Device& device, const Rig& rig, const Options& options, co
 }
 
 bool BackEnd::add(const Frame& frame, const FramePyramid& live, const Eigen::Isometry3d& submap_from_camera,
-                  const Matrix6d* information, const std::optional<DeviceDrift>& drift, Volume& volume,
-                  std::uint32_t fused_count) {
+                  const Matrix6d* information, const OtherSensors& sensors, Volume& volume, std::uint32_t fused_count) {
   const bool starts_component = std::exchange(starts_component_, false);
   const bool is_keyframe =
       starts_component || submap_begin_ == atlas_.keyframes.size() || is_new_view(submap_from_camera);
@@ -70,13 +71,17 @@ bool BackEnd::add(const Frame& frame, const FramePyramid& live, const Eigen::Iso
                 .information = information != nullptr ? *information : Matrix6d::Zero(),
                 .acceleration = frame.acceleration,
                 .device_pose = frame.guess,
-                .device_drift = drift,
-                .structure = structure_.find(live.images().depth)});
+                .device_drift = sensors.drift,
+                .structure = structure_.find(live.images().depth),
+                .inertial = sensors.inertial ? sensors.inertial() : InertialKeyframe{}});
+    if (sensors.mount) atlas_.inertial_mount = sensors.mount;
+    if (sensors.is_inertial_contradicted && atlas_.inertial_mount) atlas_.forget_inertial();
     drift_.update(atlas_.keyframes);
     database_.add(submap_from_camera, features_);
     warnings_.attempt("keyframes without images have no loop closures",
                       [&] { images_.put(atlas_.keyframes.size() - 1, live.images(), features_); });
     if (starts_component && tracks_in_world_) add_anchor_edge(information);
+    if (starts_component && sensors.before_break) add_inertial_edge(*sensors.before_break);
     if (has_drift) attempt_optimization([&] { scheduler_.start(atlas_); });
     start_search();
   }
@@ -243,11 +248,45 @@ void BackEnd::attempt_optimization(const std::function<void()>& stage) {
   counts_.graph_ms = 1000 * scheduler_.longest_seconds();
 }
 
+/// Joins a component to the preceding one by the motion of the inertial sensor between them. The edge is weak: the
+/// keyframe's own measurement has the motion's noise.
+void BackEnd::add_inertial_edge(const InertialOdometry::Prediction& before_break) {
+  if (atlas_.keyframes.size() < 2 || before_break.position_sigma() > kMaxBreakSigma) return;
+  const std::size_t to = atlas_.keyframes.size() - 1, from = to - 1;
+  const PoseGraph::Edge edge{
+      .i = from,
+      .j = to,
+      .i_from_j = atlas_.keyframes[from].submap_from_camera.inverse() * before_break.world_from_camera,
+      .information = (kBreakCovarianceFactor * before_break.covariance).inverse(),
+      .is_loop_closure = true};
+  atlas_.align_components(edge);
+  atlas_.loops.push_back({.edge = edge});
+}
+
+/// Corrects drift, above all of roll and pitch, by the inertial measurements. Smaller corrections would only resample
+/// the submaps.
+void BackEnd::optimize_inertially() {
+  auto inertial = atlas_.inertial_graph(atlas_.keyframes.size());
+  if (!inertial || inertial_keyframes_ == atlas_.keyframes.size()) return;
+  inertial_keyframes_ = atlas_.keyframes.size();
+  PoseGraph graph = atlas_.graph();
+  const OptimizeReport report = optimize(graph, &*inertial);
+  const auto is_small = [](const Eigen::Isometry3d& before, const Eigen::Isometry3d& after) {
+    const Vector6d change = local_coordinates(before.inverse() * after);
+    return change.head<3>().norm() < kMinDriftRotation && change.tail<3>().norm() < kMinDriftTranslation;
+  };
+  if (std::equal(graph.world_from_node.begin(), graph.world_from_node.end(), atlas_.world_from_camera.begin(),
+                 is_small))
+    graph.world_from_node = atlas_.world_from_camera;
+  atlas_.update_poses(graph, report, inertial);
+}
+
 void BackEnd::finish_optimization() {
   await_features();
   attempt_optimization([&] { scheduler_.take_closing(atlas_); });
   (void)take_search_result();
   attempt_optimization([&] { scheduler_.finish(atlas_); });
+  attempt_optimization([&] { optimize_inertially(); });
   attempt_optimization([&] {
     if (!has_inconsistent_loops(atlas_)) return;
     Atlas remerged = atlas_;  // an error on the way must leave the map unchanged
@@ -282,6 +321,7 @@ BackEnd::State BackEnd::save() const {
               .searched = searched_,
               .submap_begin = submap_begin_,
               .submap_since = submap_since_,
+              .inertial_keyframes = inertial_keyframes_,
               .tracks_in_world = tracks_in_world_,
               .starts_component = starts_component_,
               .searching = search_.valid(),
@@ -301,6 +341,7 @@ void BackEnd::restore(const State& state) {
   searched_ = state.searched;
   submap_begin_ = state.submap_begin;
   submap_since_ = state.submap_since;
+  inertial_keyframes_ = state.inertial_keyframes;
   tracks_in_world_ = state.tracks_in_world;
   starts_component_ = state.starts_component;
   if (state.searching) start_search();

@@ -9,6 +9,7 @@
 
 #include "base/warnings.hpp"
 #include "gravity/structure.hpp"
+#include "inertial/inertial_odometry.hpp"
 #include "loop_closing/drift.hpp"
 #include "loop_closing/match.hpp"
 #include "map/atlas.hpp"
@@ -19,6 +20,17 @@
 
 namespace cairn {
 
+/// Measurements of a frame's pose by other sensors than the depth camera.
+struct OtherSensors {
+  std::optional<DeviceDrift> drift;  // of the frame's device pose, if it is a measurement
+  /// Inertial measurements of a keyframe; called once per keyframe.
+  std::function<InertialKeyframe()> inertial;
+  std::optional<InertialMount> mount;  // of a trusted inertial sensor
+  bool is_inertial_contradicted = false;
+  /// Pose of the first frame of a component, in the frame of the preceding one.
+  std::optional<InertialOdometry::Prediction> before_break;
+};
+
 class BackEnd {
  public:
   /// `files`: folder where keyframes and submaps are read and written; empty: all data stays in memory. `source_maps`:
@@ -28,11 +40,9 @@ class BackEnd {
 
   /// Adds a fused frame. The frame may become a keyframe, with a concurrent loop closure search among all earlier
   /// keyframes, and may end its submap. `information`: of its alignment with the map, in its own frame; null for the
-  /// first frame of a component. `drift`: of the frame's device pose, if it is a measurement. `fused_count`: number of
-  /// fused frames. Returns true if the frame became a keyframe.
+  /// first frame of a component. `fused_count`: number of fused frames. Returns true if the frame became a keyframe.
   bool add(const Frame& frame, const FramePyramid& live, const Eigen::Isometry3d& submap_from_camera,
-           const Matrix6d* information, const std::optional<DeviceDrift>& drift, Volume& volume,
-           std::uint32_t fused_count);
+           const Matrix6d* information, const OtherSensors& sensors, Volume& volume, std::uint32_t fused_count);
   /// Adds the pose of a held-out frame to the trajectory only. Returns false if no component has started yet.
   [[nodiscard]] bool hold_out(double timestamp, const Eigen::Isometry3d& submap_from_camera);
   /// Ends the active submap. `keep`: voxels near the camera stay in the volume for the next submap.
@@ -60,6 +70,7 @@ class BackEnd {
     std::vector<std::optional<Eigen::Isometry3d>> tracked_from_camera;  // see DatabaseEntry
     std::size_t searched = 0, submap_begin = 0;
     std::uint32_t submap_since = 1;
+    std::size_t inertial_keyframes = 0;
     bool tracks_in_world = false, starts_component = true, searching = false;
     GraphScheduler::State scheduler;
   };
@@ -129,6 +140,8 @@ class BackEnd {
   /// Waits for the features of the last keyframe. Their failure is a warning.
   void await_features();
   void add_anchor_edge(const Matrix6d* information);
+  void add_inertial_edge(const InertialOdometry::Prediction& before_break);
+  void optimize_inertially();
   void attempt_optimization(const std::function<void()>& stage);
   [[nodiscard]] bool is_new_view(const Eigen::Isometry3d& submap_from_camera) const;
   [[nodiscard]] bool is_covered_by_earlier_submaps(const Eigen::Isometry3d& submap_from_camera) const;
@@ -146,14 +159,15 @@ class BackEnd {
   Drift drift_;  // over the atlas' keyframes
   GlobalVolume global_volume_;
   Atlas atlas_;
-  std::size_t searched_ = 0;        // keyframes before this index are searched: tracking may not see their surface
-  std::size_t submap_begin_ = 0;    // first keyframe of the active submap
-  std::uint32_t submap_since_ = 1;  // its first fused_count
-  bool tracks_in_world_ = false;    // the next frame is tracked in the world frame
-  bool starts_component_ = true;    // the next frame starts a component
-  bool optimizes_ = true;           // false once an optimization has failed
-  std::future<Candidates> search_;  // for the last keyframe
-  FutureFeatures features_;         // of the last keyframe
+  std::size_t searched_ = 0;            // keyframes before this index are searched: tracking may not see their surface
+  std::size_t submap_begin_ = 0;        // first keyframe of the active submap
+  std::uint32_t submap_since_ = 1;      // its first fused_count
+  std::size_t inertial_keyframes_ = 0;  // keyframes at the last optimization with inertial measurements
+  bool tracks_in_world_ = false;        // the next frame is tracked in the world frame
+  bool starts_component_ = true;        // the next frame starts a component
+  bool optimizes_ = true;               // false once an optimization has failed
+  std::future<Candidates> search_;      // for the last keyframe
+  FutureFeatures features_;             // of the last keyframe
   GraphScheduler scheduler_;
   Counts counts_;
   Warnings warnings_;

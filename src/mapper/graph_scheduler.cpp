@@ -5,6 +5,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace cairn {
 namespace {
@@ -45,28 +46,35 @@ void GraphScheduler::start(const Atlas& atlas) {
 }
 
 void GraphScheduler::start_closing(const Atlas& atlas) {
-  closing_result_ = std::async(std::launch::async, [graph = atlas.graph(), weights = atlas.edge_weights()]() mutable {
-    const OptimizeReport report =
-        graph.world_from_node.size() < kLargeGraph ? optimize(graph) : close_loop(graph, weights);
-    return Result(std::move(graph), report);
-  });
+  Result result{.graph = atlas.graph(), .report = {}, .inertial = {}};
+  if (atlas.keyframes.size() < kLargeGraph) result.inertial = atlas.inertial_graph(atlas.keyframes.size());
+  closing_result_ =
+      std::async(std::launch::async, [result = std::move(result), weights = atlas.edge_weights()]() mutable {
+        if (result.graph.world_from_node.size() < kLargeGraph)
+          result.report = optimize(result.graph, result.inertial ? &*result.inertial : nullptr);
+        else
+          result.report = close_loop(result.graph, weights);
+        return std::move(result);
+      });
 }
 
 void GraphScheduler::start_full(const Atlas& atlas, GraphSnapshot snapshot) {
-  PoseGraph graph = atlas.graph(snapshot.keyframes, snapshot.loops);
-  graph.world_from_node = snapshot.world_from_camera;
+  Result result{.graph = atlas.graph(snapshot.keyframes, snapshot.loops),
+                .report = {},
+                .inertial = atlas.inertial_graph(snapshot.keyframes)};
+  result.graph.world_from_node = snapshot.world_from_camera;
   full_start_ = std::move(snapshot);
-  full_result_ = std::async(std::launch::async, [graph = std::move(graph)]() mutable {
-    const OptimizeReport report = optimize(graph);
+  full_result_ = std::async(std::launch::async, [result = std::move(result)]() mutable {
+    result.report = optimize(result.graph, result.inertial ? &*result.inertial : nullptr);
     malloc_trim(0);  // the solver allocated some KB per keyframe
-    return Result(std::move(graph), report);
+    return std::move(result);
   });
 }
 
 void GraphScheduler::take_result(Atlas& atlas, std::future<Result>& result) {
   if (!result.valid()) return;
-  const auto [graph, report] = result.get();
-  atlas.update_poses(graph, report);
+  const auto [graph, report, inertial] = result.get();
+  atlas.update_poses(graph, report, inertial);
   longest_ = std::max(longest_, report.seconds);
 }
 

@@ -4,7 +4,6 @@
 #pragma once
 #include <future>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "map/atlas.hpp"
@@ -48,7 +47,11 @@ class GraphScheduler {
   [[nodiscard]] double longest_seconds() const { return longest_; }
 
  private:
-  using Result = std::pair<PoseGraph, OptimizeReport>;
+  struct Result {
+    PoseGraph graph;
+    OptimizeReport report;
+    std::optional<InertialGraph> inertial;
+  };
   void start_closing(const Atlas& atlas);
   void start_full(const Atlas& atlas, GraphSnapshot snapshot);
   void take_full(Atlas& atlas);

@@ -212,6 +212,7 @@ Statistics MapState::statistics() const {
                         .submaps_read_back = back_end.submaps().counts().read_back,
                         .clock_offset = tracker.clock_offset(),
                         .focal = tracker.focal(),
+                        .inertial = tracker.inertial().report(),
                         .kernels = {},
                         .sigma_median = back_end.atlas().surface_sigma.quantile(0.5),
                         .sigma_95 = back_end.atlas().surface_sigma.quantile(0.95)};

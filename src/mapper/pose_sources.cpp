@@ -56,8 +56,12 @@ void TrackedPoses::commit(const Frame& frame, const FramePyramid& live, const Tr
   tracker_.commit(frame, live, tracked);
   if (const std::string text = tracker_.inertial_contradiction(); !text.empty()) back_end_.warnings().add(text);
   const bool is_keyframe = timed(times, "keyframe", [&] {
-    return back_end_.add(frame, live, tracked.submap_from_camera, tracked.information(), tracker_.device_drift(),
-                         volume_, fused_count);
+    const OtherSensors sensors{.drift = tracker_.device_drift(),
+                               .inertial = [&] { return tracker_.take_inertial_keyframe(); },
+                               .mount = tracker_.inertial().mount(),
+                               .is_inertial_contradicted = tracker_.inertial().is_contradicted(),
+                               .before_break = tracked.before_break};
+    return back_end_.add(frame, live, tracked.submap_from_camera, tracked.information(), sensors, volume_, fused_count);
   });
   if (is_keyframe)
     back_end_.warnings().attempt("the focal length is not checked", [&] { tracker_.add_focal_evidence(); });

@@ -59,8 +59,9 @@ RefineReport refine(BackEnd& back_end, const std::function<bool(double)>& progre
   });
   atlas.loops.insert(atlas.loops.end(), loops.begin(), loops.end());
   PoseGraph graph = atlas.graph();
-  const OptimizeReport report = optimize(graph);
-  atlas.update_poses(graph, report);
+  std::optional<InertialGraph> inertial = atlas.inertial_graph(atlas.keyframes.size());
+  const OptimizeReport report = optimize(graph, inertial ? &*inertial : nullptr);
+  atlas.update_poses(graph, report, inertial);
   back_end.atlas() = atlas;
   refined.cost_before = report.cost_before, refined.cost = report.cost;
   refined.pairs_tried = static_cast<int>(pairs.size());

@@ -280,6 +280,7 @@ TrackingResult Tracker::track(const Frame& frame, const FramePyramid& live, Volu
   }
   ++state_.lost_frames;
   if (!should_start_component(frame)) return tracked;
+  tracked.before_break = inertial_.predict(frame.timestamp);
   reset();
   tracked.state = TrackingResult::State::initialized;
   tracked.cause = FrameCause::new_component;
@@ -496,6 +497,10 @@ std::string Tracker::inertial_contradiction() const {
   if (inertial_.is_contradicted())
     return "the accelerometer contradicts the tracked motion (axes, sign, unit or clock): only the gyroscope is used";
   return {};
+}
+
+InertialKeyframe Tracker::take_inertial_keyframe() {
+  return inertial_.take_keyframe(state_.last.back().timestamp, state_.last.back().submap_from_camera);
 }
 
 std::optional<InertialOdometry::Prediction> Tracker::inertial_prediction(double timestamp) const {

@@ -6,11 +6,11 @@
 #include "alignment/align.hpp"
 #include "alignment/device_odometry.hpp"
 #include "alignment/gyroscope.hpp"
-#include "inertial/inertial_odometry.hpp"
 #include "base/stopwatch.hpp"
 #include "cairn/mapping/frame.hpp"
 #include "cairn/mapping/reports.hpp"
 #include "cairn/mapping/trajectory.hpp"
+#include "inertial/inertial_odometry.hpp"
 #include "map/keyframe.hpp"
 #include "mapper/tracking_criteria.hpp"
 #include "place/keyframe_database.hpp"
@@ -32,6 +32,8 @@ struct TrackingResult {
   Alignment alignment;                 // last attempted alignment; unset for the first frame of a map
   std::optional<AlignedPose> aligned;  // before the fusion with the device's motion
   std::optional<InertialOdometry::TrackedPose> measured;  // before the fusion with the inertial prediction
+  std::optional<InertialOdometry::Prediction>
+      before_break;  // of a new component: its pose in the preceding one's frame
   InitialGuess guess = InitialGuess::none;
   Eigen::Isometry3d predicted_from = Eigen::Isometry3d::Identity();  // submap_from_camera of the predicted surface
   FrameCause cause = FrameCause::none;
@@ -79,6 +81,9 @@ class Tracker {
   [[nodiscard]] FocalEvidence focal() const;
   /// Contradiction of the inertial sensor with the tracked motion, a line; empty: none.
   [[nodiscard]] std::string inertial_contradiction() const;
+  /// Inertial measurements of a keyframe at the last committed frame.
+  [[nodiscard]] InertialKeyframe take_inertial_keyframe();
+  [[nodiscard]] const InertialOdometry& inertial() const { return inertial_; }
   /// Estimated drift of the frames' device poses; none if they are not used as measurements.
   [[nodiscard]] std::optional<DeviceDrift> device_drift() const;
 

@@ -59,11 +59,21 @@ void fields(auto& io, Of<Structure::Facing> auto& f) { io(f.normal, f.area); }
 
 void fields(auto& io, Of<Structure> auto& s) { io(s.facings, s.area); }
 
+void fields(auto& io, Of<Preintegration> auto& m) {
+  io(m.bias.gyro, m.bias.acceleration, m.seconds, m.rotation, m.velocity, m.position, m.covariance, m.rotation_by_gyro,
+     m.velocity_by_gyro, m.velocity_by_acceleration, m.position_by_gyro, m.position_by_acceleration);
+}
+
+void fields(auto& io, Of<MeasuredGravity> auto& g) { io(g.down, g.sigma); }
+
+void fields(auto& io, Of<InertialMount> auto& m) { io(m.imu_from_camera, m.lever); }
+
 void fields(auto& io, Of<Keyframe> auto& k) {
   io(k.frame, k.timestamp, k.color_delay, k.submap, k.searched, k.follows, k.odometry_from_camera, k.submap_from_camera,
      k.information, k.acceleration);
   io.since(10, k.accelerations, k.structure);
   io.since(16, k.device_pose, k.device_drift);
+  io.since(18, k.inertial.step, k.inertial.gravity);
 }
 
 void fields(auto& io, Of<FrozenGravity> auto& s) { io(s.keyframe, s.found.down, s.found.source, s.found.description); }
@@ -96,7 +106,10 @@ void fields(auto& io, Of<PhotometricKeyframe::SavedState> auto& k) {
 
 void fields(auto& io, Of<AngularRate> auto& r) { io(r.timestamp, r.rate); }
 
-void fields(auto& io, Of<Gyroscope::State> auto& m) { io(m.samples, m.count, m.imu, m.camera, m.camera_imu); }
+void fields(auto& io, Of<Gyroscope::State> auto& m) {
+  io(m.samples, m.count, m.imu, m.camera, m.camera_imu);
+  io.since(18, m.recent, m.squared_errors, m.squares);
+}
 
 void fields(auto& io, Of<Acceleration> auto& a) { io(a.timestamp, a.value); }
 
@@ -111,6 +124,7 @@ void fields(auto& io, Of<InertialOdometry::State> auto& s) {
   io(s.rates, s.accelerations, s.window, s.filter, s.prior, s.poses_since_start, s.test, s.test_poses,
      s.passed_rotation, s.passed_position, s.is_tested, s.noise_scale, s.failed_starts, s.rejected, s.is_contradicted,
      s.is_gyro_contradicted);
+  io.since(18, s.keyframe);
 }
 
 void fields(auto& io, Of<Raycaster::SavedState> auto& p) { io(p.submap_from_camera, p.points); }
@@ -165,6 +179,7 @@ void entries(auto& io, Of<SessionState> auto& s, Of<Newest> auto& newest, Of<Nam
   io.since(10, "upright", m.atlas.up, m.atlas.frozen_gravity);
   io.since(12, "surface_sigma", m.atlas.surface_sigma);
   io.since(15, "adjusted_steps", m.atlas.steps);
+  io.since(18, "inertial_graph", m.atlas.inertial_mount, m.inertial_keyframes);
   io("submaps", m.submaps);
   io("tracked_from_camera", m.tracked_from_camera);
   io("back_end", m.searched, m.submap_begin, m.submap_since, m.tracks_in_world, m.starts_component,

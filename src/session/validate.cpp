@@ -77,6 +77,21 @@ void validate(const AdjustedStep& step) {
   require_rigid(step.before_from_camera);
 }
 
+void validate(const InertialKeyframe& inertial) {
+  if (const auto& gravity = inertial.gravity) {
+    require_unit(gravity->down);
+    require(gravity->sigma > 0 && std::isfinite(gravity->sigma), "a number is not finite");
+  }
+  if (!inertial.step) return;
+  const Preintegration& m = *inertial.step;
+  require(m.seconds > 0, "an inertial step has no duration");
+  require_numbers({m.bias.gyro.sum(), m.bias.acceleration.sum(), m.seconds, m.rotation.norm(), m.velocity.sum(),
+                   m.position.sum(), m.rotation_by_gyro.sum(), m.velocity_by_gyro.sum(),
+                   m.velocity_by_acceleration.sum(), m.position_by_gyro.sum(), m.position_by_acceleration.sum()});
+  require(m.covariance.allFinite() && m.covariance.llt().info() == Eigen::Success,
+          "an inertial step has an invalid covariance matrix");
+}
+
 void validate(const Loop& loop, std::size_t keyframes) {
   const PoseGraph::Edge& edge = loop.edge;
   require(edge.i < keyframes && edge.j < keyframes && edge.i != edge.j, "a keyframe is missing");
@@ -88,6 +103,8 @@ void validate(const BackEnd::State& m, std::size_t frames) {
   const Atlas& atlas = m.atlas;
   const std::size_t keyframes = atlas.keyframes.size();
   for (std::size_t k = 0; k < keyframes; ++k) validate(atlas.keyframes[k], k, m.submaps.size());
+  for (const Keyframe& keyframe : atlas.keyframes) validate(keyframe.inertial);
+  if (const auto& mount = atlas.inertial_mount) require_numbers({mount->imu_from_camera.norm(), mount->lever.sum()});
   require(atlas.world_from_camera.size() == keyframes, "poses and keyframes do not match");
   for (const Eigen::Isometry3d& pose : atlas.world_from_camera) require_rigid(pose);
   for (const Loop& loop : atlas.loops) validate(loop, keyframes);
@@ -173,6 +190,7 @@ void validate(const InertialOdometry::State& s) {
   for (const auto* poses : {&s.window, &s.test_poses}) validate(*poses);
   require(s.noise_scale > 0 && std::isfinite(s.noise_scale), "a number is not finite");
   require(!s.test || !s.test_poses.empty(), "a pose is missing");
+  require_numbers({s.keyframe.value_or(0)});
 }
 
 void validate(const Volume::SavedState& r) {
@@ -193,7 +211,7 @@ void validate(const SessionState& s, std::size_t frames) {
   validate(s.tracker.reference);
   require_rigid(s.tracker.prediction.submap_from_camera);
   const Gyroscope::State& g = s.tracker.gyroscope;
-  require_numbers({g.count, g.imu.sum(), g.camera.sum(), g.camera_imu.sum()});
+  require_numbers({g.count, g.imu.sum(), g.camera.sum(), g.camera_imu.sum(), g.recent, g.squared_errors, g.squares});
   for (const AngularRate& r : g.samples) require_numbers({r.timestamp, r.rate.sum()});
   validate(s.tracker.inertial);
   validate(s.residency);

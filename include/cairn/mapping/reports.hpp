@@ -192,6 +192,27 @@ struct KernelTime {
   double milliseconds = 0;  ///< total
 };
 
+/// Inertial sensors, as estimated with the tracked motion.
+struct InertialReport {
+  enum class State {
+    absent,       ///< no gyroscope with an accelerometer
+    untested,     ///< too little motion so far: not used
+    trusted,      ///< predicts and corrects poses
+    contradicted  ///< contradicts the tracked motion: not used
+  };
+  State state = State::absent;
+  Eigen::Vector3d gyroscope_bias = Eigen::Vector3d::Zero();      ///< rad/s, in axes of the depth camera
+  Eigen::Vector3d accelerometer_bias = Eigen::Vector3d::Zero();  ///< m/s^2, same axes
+  /// Rotation of the sensor against the rig's axes.
+  Eigen::Quaterniond imu_from_camera = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d lever = Eigen::Vector3d::Zero();  ///< of the camera from the sensor, m, same axes
+  double clock = 0;                                 ///< seconds by which the camera's clock is behind
+  double gravity_sigma = 0;                         ///< rad
+};
+
+/// `absent`, `untested`, `trusted` or `contradicted`.
+[[nodiscard]] std::string_view to_string(InertialReport::State state);
+
 /// Size and cost of a map, and estimates about the camera.
 struct Statistics {
   std::string device;                          ///< its name
@@ -201,16 +222,17 @@ struct Statistics {
   std::uint64_t bricks = 0;                    ///< allocated bricks of 8x8x8 voxels
   std::uint64_t paged_out = 0, paged_in = 0;   ///< bricks moved to the host, and back
   int keyframes = 0;
-  int submaps = 0;                            ///< ended submaps
-  int components = 0;                         ///< components of the map
-  int database_queries = 0;                   ///< keyframes searched for in the keyframe database
-  int loops_tried = 0;                        ///< keyframe pairs aligned
-  double graph_ms = 0;                        ///< longest pose graph optimization
-  double world_ms = 0;                        ///< longest update of the global volume
-  std::uint64_t submap_memory_peak = 0;       ///< bytes on the host
-  std::uint64_t submaps_read_back = 0;        ///< from the disk
-  double clock_offset = 0;                    ///< seconds by which the color camera's clock is ahead
-  FocalEvidence focal;                        ///< evidence for another focal length
+  int submaps = 0;                       ///< ended submaps
+  int components = 0;                    ///< components of the map
+  int database_queries = 0;              ///< keyframes searched for in the keyframe database
+  int loops_tried = 0;                   ///< keyframe pairs aligned
+  double graph_ms = 0;                   ///< longest pose graph optimization
+  double world_ms = 0;                   ///< longest update of the global volume
+  std::uint64_t submap_memory_peak = 0;  ///< bytes on the host
+  std::uint64_t submaps_read_back = 0;   ///< from the disk
+  double clock_offset = 0;               ///< seconds by which the color camera's clock is ahead
+  FocalEvidence focal;                   ///< evidence for another focal length
+  InertialReport inertial;
   std::map<std::string, KernelTime> kernels;  ///< by name
   /// Standard deviation of an adjusted map's surface, meters: median and 95th percentile, see SurfaceSigma. 0: unknown.
   float sigma_median = 0, sigma_95 = 0;

@@ -22,7 +22,7 @@ namespace cairn {
 class Session {
  public:
   /// Written format version, and the oldest readable version: the format of the previous release.
-  static constexpr int kFormat = 17, kOldestFormat = 9;
+  static constexpr int kFormat = 18, kOldestFormat = 9;
 
   /// Creates a session. An existing session remains until the first checkpoint of the new one. Throws
   /// std::runtime_error if another process writes there.

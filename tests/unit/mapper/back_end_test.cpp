@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <vector>
 
 #include "cairn/mapping/pose.hpp"
@@ -106,6 +107,40 @@ TEST(BackEnd, AddsNoKeyframesOfARevisitedRoom) {
   EXPECT_EQ(back_end.submaps().size(), 0u);
   EXPECT_EQ(back_end.atlas().frames.size(), 1000u);
   EXPECT_EQ(back_end.atlas().trajectory(0, 0, 1000).size(), 1000u);
+}
+
+TEST(BackEnd, JoinsComponentsByTheMotionOfAnInertialSensor) {
+  const Camera camera = small_camera();
+  const Options options;
+  const Matrix6d information = 1e6 * Matrix6d::Identity();
+  const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  for (const double sigma : {0.05, 1.0}) {
+    Volume volume(test_device(), options.fuse, 5.0f);
+    BackEnd back_end(test_device(), camera, options);
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    const auto add = [&](int i, const OtherSensors& sensors) {
+      const Frame frame{.index = i, .timestamp = 0.1 * i, .depth = std::vector<float>(pixels, 2.0f), .color = {}};
+      back_end.add(frame, surface_of(frame), pose, i % 2 == 1 ? &information : nullptr, sensors, volume,
+                   static_cast<std::uint32_t>(i + 1));
+    };
+    add(0, {});
+    pose.translation().x() = 0.5;
+    add(1, {});
+    back_end.end_submap(volume, 2, false);
+    pose.setIdentity();  // of the new component, in its own frame
+    InertialOdometry::Prediction moved{.covariance = sigma * sigma * Matrix6d::Identity()};
+    moved.world_from_camera.translation() << 1.5, 0, 0.2;
+    add(2, {.before_break = moved});
+    back_end.finish_optimization();
+    const Atlas& atlas = back_end.atlas();
+    ASSERT_EQ(atlas.keyframes.size(), 3u);
+    if (sigma < 1) {
+      EXPECT_EQ(atlas.components(), std::vector<std::size_t>(3, 0));
+      EXPECT_LT((atlas.world_from_camera[2].translation() - Eigen::Vector3d(1.5, 0, 0.2)).norm(), 1e-6);
+    } else {
+      EXPECT_EQ(atlas.components(), (std::vector<std::size_t>{0, 0, 2}));
+    }
+  }
 }
 
 TEST(BackEnd, AddsFewerKeyframesWhereManyCoverTheView) {
@@ -216,7 +251,7 @@ TEST(BackEnd, ContinuesWithoutLoopsIfKeyframesAreMissing) {
 
 TEST(BackEnd, KeepsPosesIfOptimizationFails) {
   Matrix6d information = 1e6 * Matrix6d::Identity();
-  information(5, 5) = -1e3;  // not the inverse of any covariance
+  information(5, 5) = std::numeric_limits<double>::quiet_NaN();
   TwoPieces p(information);
   for (int i = 0; i < 3; ++i) {
     p.add(2 * i, kElsewhere, i > 0 ? &information : nullptr);

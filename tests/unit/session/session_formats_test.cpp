@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Sessions written by earlier versions of cairn: format-N contains a session of each readable format, of the first 15
-// frames of `cairn synth room --frames 300 --width 320`, with voxels of 8 cm. A new format keeps the earlier sessions
-// and adds its own.
+// frames of `cairn synth room --frames 300 --width 320`, with voxels of 8 cm; 18: with `--imu mems`. A new format keeps
+// the earlier sessions and adds its own.
 #include <gtest/gtest.h>
 
 #include "cairn/mapping/mapper.hpp"

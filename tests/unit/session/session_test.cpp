@@ -72,6 +72,11 @@ TEST(SessionFiles, HaveIdenticalBytesAfterARoundTrip) {
   s.back_end.atlas.recordings = {1};
   for (int i = 0; i < 100; ++i) s.back_end.atlas.surface_sigma.add({0.04 * i, 0.07 * (i % 7), -0.1}, 0.001 + 1e-5 * i);
   s.back_end.atlas.steps = {{}, {retract(Vector6d::Constant(0.1)), 3 * Matrix6d::Identity()}};
+  Preintegration& step = s.back_end.atlas.keyframes[1].inertial.step.emplace();
+  step.seconds = 0.5, step.covariance = 1e-4 * Matrix9d::Identity(), step.velocity = {1, 2, 3};
+  s.back_end.atlas.keyframes[1].inertial.gravity = MeasuredGravity{Eigen::Vector3d::UnitZ(), 0.01};
+  s.back_end.atlas.inertial_mount.emplace().lever = {0.1, 0.2, 0.3};
+  s.back_end.inertial_keyframes = 2;
   s.back_end.submaps = {true, false};
   s.tracker.state.focal_costs[1] = 0.5;
   s.tracker.reference.levels = {{1, 2, 3}, {}};
@@ -92,6 +97,13 @@ TEST(SessionFiles, HaveIdenticalBytesAfterARoundTrip) {
   EXPECT_EQ(read.session.back_end.atlas.steps[1].before_from_camera.matrix(),
             s.back_end.atlas.steps[1].before_from_camera.matrix());
   EXPECT_EQ(read.session.back_end.atlas.steps[1].information, s.back_end.atlas.steps[1].information);
+  const Atlas& atlas = read.session.back_end.atlas;
+  EXPECT_FALSE(atlas.keyframes[0].inertial.step);
+  ASSERT_TRUE(atlas.keyframes[1].inertial.step && atlas.keyframes[1].inertial.gravity && atlas.inertial_mount);
+  EXPECT_EQ(atlas.keyframes[1].inertial.step->velocity, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(atlas.keyframes[1].inertial.gravity->down, Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(atlas.inertial_mount->lever, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(read.session.back_end.inertial_keyframes, 2u);
   EXPECT_EQ(read.session.back_end.submaps, s.back_end.submaps);
   EXPECT_EQ(read.session.tracker.reference.levels, s.tracker.reference.levels);
   EXPECT_EQ(read.session.residency.on_host, s.residency.on_host);
@@ -131,6 +143,11 @@ TEST(SessionFiles, WithInvalidValuesAreRejected) {
       [](SessionState& s) {
         s.back_end.atlas.steps = {{Eigen::Isometry3d::Identity(), -Matrix6d::Identity()}};
       },
+      [](SessionState& s) { s.back_end.atlas.keyframes[1].inertial.step.emplace(); },
+      [&](SessionState& s) {
+        s.back_end.atlas.keyframes[1].inertial.gravity = MeasuredGravity{Eigen::Vector3d(0, 2, 0), 0.01};
+      },
+      [&](SessionState& s) { s.back_end.atlas.inertial_mount.emplace().lever.x() = nan; },
       [](SessionState& s) { s.back_end.atlas.loops[0].edge.j = 2; },
       [](SessionState& s) { s.back_end.atlas.loops[0].edge.i = 1; },
       [&](SessionState& s) { s.back_end.atlas.loops[0].edge.information(2, 2) = nan; },
