@@ -6,6 +6,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <numbers>
 #include <stdexcept>
 
@@ -43,6 +44,22 @@ nlohmann::json to_json(const GravityAlignment& upright) {
           {"words", with_flag_names(upright.description)}};
 }
 
+nlohmann::json to_json(const InertialReport& inertial) {
+  nlohmann::json j{{"state", std::string(to_string(inertial.state))}};
+  if (inertial.state != InertialReport::State::trusted) return j;
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  const Eigen::Quaterniond& q = inertial.imu_from_camera;
+  const auto list = [](const Eigen::Vector3d& v) { return nlohmann::json{v.x(), v.y(), v.z()}; };
+  j.update({{"gyroscope_bias", list(inertial.gyroscope_bias)},
+            {"accelerometer_bias", list(inertial.accelerometer_bias)},
+            {"rotation", {q.x(), q.y(), q.z(), q.w()}},
+            {"rotation_degrees", kDegrees * Eigen::AngleAxisd(q).angle()},
+            {"lever_m", list(inertial.lever)},
+            {"clock_s", inertial.clock},
+            {"gravity_sigma_degrees", kDegrees * inertial.gravity_sigma}});
+  return j;
+}
+
 nlohmann::json to_json(const Statistics& statistics) {
   nlohmann::json report{
       {"device", statistics.device},
@@ -67,6 +84,7 @@ nlohmann::json to_json(const Statistics& statistics) {
         {"tried", statistics.loops_tried},
         {"graph_ms", statistics.graph_ms},
         {"world_ms", statistics.world_ms}}}};
+  if (statistics.inertial.state != InertialReport::State::absent) report["inertial"] = to_json(statistics.inertial);
   if (statistics.sigma_median > 0)
     report["surface_sigma"] = {{"median_m", statistics.sigma_median}, {"p95_m", statistics.sigma_95}};
   for (const auto& [kernel, time] : statistics.kernels)
@@ -97,6 +115,25 @@ void print_upright(const nlohmann::json& upright) {
   const double turned = upright["turned_degrees"];
   const auto words = upright["words"].get<std::string>();
   fmt::print("upright     {}{}\n", words, turned > 0.05 ? fmt::format("; rotated by {:.1f} degrees", turned) : "");
+}
+
+void print_inertial(const nlohmann::json& inertial) {
+  const auto state = inertial["state"].get<std::string>();
+  if (state != "trusted") {
+    fmt::print("inertial    sensors {}: {}\n", state,
+               state == "contradicted" ? "not used" : "too little motion to use them");
+    return;
+  }
+  const auto vector = [&](const char* name) {
+    const auto v = inertial[name].get<std::array<double, 3>>();
+    return Eigen::Vector3d(v[0], v[1], v[2]);
+  };
+  fmt::print(
+      "inertial    sensors trusted: bias {:.2f} degrees/s and {:.3f} m/s^2, mounted {:.1f} degrees and {:.1f} cm from "
+      "the camera, clock {:+.1f} ms\n",
+      vector("gyroscope_bias").norm() * 180 / std::numbers::pi, vector("accelerometer_bias").norm(),
+      inertial["rotation_degrees"].get<double>(), 100 * vector("lever_m").norm(),
+      1000 * inertial["clock_s"].get<double>());
 }
 
 nlohmann::json to_json(const ExportReport& e) {

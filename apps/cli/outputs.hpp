@@ -53,6 +53,8 @@ class Outputs {
 
 /// Verdict for report.json.
 [[nodiscard]] nlohmann::json to_json(const Verdict& verdict);
+/// Prints the inertial sensors of report.json for the user.
+void print_inertial(const nlohmann::json& inertial);
 /// Prints the gravity alignment of report.json for the user.
 void print_upright(const nlohmann::json& upright);
 

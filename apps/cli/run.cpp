@@ -512,6 +512,7 @@ void Run::print_summary(const nlohmann::json& report, const Verdict& verdict) co
     }
     fmt::print(out, "trajectory  {}\n", (output / "trajectory.txt").string());
     print_upright(report["upright"]);
+    if (report.contains("inertial")) print_inertial(report["inertial"]);
     if (report.contains("quality"))
       fmt::print(out, "quality     {}: {}\n", report["quality"]["requested"].get<std::string>(),
                  report["quality"]["words"].get<std::string>());

@@ -54,6 +54,14 @@ void print_row(const std::string& name, const ErrorStatistics& s, double scale, 
 }
 void print_head() { fmt::print("{:<22}{:>10}{:>10}{:>10}{:>10}{:>10}\n", "", "rmse", "mean", "median", "95 %", "max"); }
 
+/// Angle in radians between the estimate's gravity, +y, and the nearest axis of the true world; none if they differ by
+/// more than 20 degrees, as for a true world that is not upright.
+std::optional<double> gravity_error(const TrajectoryError& e) {
+  constexpr double kMaxError = 20 * std::numbers::pi / 180;
+  const double error = std::acos(std::min(1.0, e.truth_from_estimate.linear().col(1).cwiseAbs().maxCoeff()));
+  return error < kMaxError ? std::optional(error) : std::nullopt;
+}
+
 void evaluate_trajectory_files(const Arguments& a) {
   const auto e =
       evaluate_trajectory(read_trajectory(a.estimate), recorded_truth(a.truth), a.rpe_interval, a.max_time_difference);
@@ -65,6 +73,7 @@ void evaluate_trajectory_files(const Arguments& a) {
                      {"estimated_poses", e.estimated_poses},
                      {"matched_poses", e.matched_poses}};
     if (a.frames > 0) j["frames"] = a.frames;
+    if (const auto error = gravity_error(e)) j["gravity_rad"] = *error;
     fmt::print("{}\n", format_json(j, 2));
     return;
   }
@@ -72,10 +81,59 @@ void evaluate_trajectory_files(const Arguments& a) {
   print_row("ATE", e.ate, 100, "cm");
   print_row(fmt::format("RPE over {} s", e.rpe_interval), e.rpe_translation, 100, "cm");
   print_row("", e.rpe_rotation, 180 / std::numbers::pi, "degrees");
+  if (const auto error = gravity_error(e))
+    fmt::print("gravity               {:.2f} degrees from the nearest axis of the true world\n",
+               *error * 180 / std::numbers::pi);
   fmt::print(
       "poses                 {}{}, {} with a true pose\n", e.estimated_poses,
       a.frames > 0 ? fmt::format(" for {} frames ({:.1f} %)", a.frames, 100.0 * e.estimated_poses / a.frames) : "",
       e.matched_poses);
+}
+
+/// Angle in radians between +y of both worlds, by the orientations of the camera.
+std::optional<double> gravity_error_of(const Trajectory& estimate, const Trajectory& truth) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const StampedPose& pose : estimate)
+    if (const auto at = pose_at(truth, pose.timestamp))
+      sum += (at->linear() * pose.world_from_camera.linear().transpose()).col(1);
+  return sum.norm() > 0 ? std::optional(std::acos(std::min(1.0, sum.normalized().y()))) : std::nullopt;
+}
+
+/// Errors of the estimated inertial sensors: lengths of the differences, in the units of report.json.
+void evaluate_inertial_sensors(const Arguments& a) {
+  const std::filesystem::path folder(a.estimate), truth_file = std::filesystem::path(a.truth) / "groundtruth_imu.json";
+  if (!std::filesystem::exists(truth_file))
+    throw std::runtime_error(a.truth + ": has no groundtruth_imu.json; give a recording of `cairn synth --imu`");
+  const auto truth = read_json(truth_file), report = read_json(folder / "report.json");
+  if (!report.contains("inertial") || !report["inertial"].contains("clock_s"))
+    throw std::runtime_error(a.estimate + ": has no trusted inertial sensors");
+  const nlohmann::json& estimate = report["inertial"];
+  const auto off = [&](const char* name) {
+    const auto e = estimate.at(name).get<std::array<double, 3>>(), t = truth.at(name).get<std::array<double, 3>>();
+    return std::hypot(e[0] - t[0], e[1] - t[1], e[2] - t[2]);
+  };
+  const auto rotation = [](const nlohmann::json& j) {
+    const auto q = j.at("rotation").get<std::array<double, 4>>();
+    return Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized();
+  };
+  nlohmann::json j{{"gyroscope_bias", off("gyroscope_bias")},
+                   {"accelerometer_bias", off("accelerometer_bias")},
+                   {"rotation_rad", rotation(estimate).angularDistance(rotation(truth))},
+                   {"lever_m", off("lever_m")},
+                   {"clock_s", estimate.at("clock_s").get<double>() - truth.at("clock_s").get<double>()}};
+  if (const auto error = gravity_error_of(read_trajectory(folder / "trajectory.txt"), recorded_truth(a.truth)))
+    j["gravity_rad"] = *error;
+  if (a.json) {
+    fmt::print("{}\n", format_json(j, 2));
+    return;
+  }
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  fmt::print("bias      {:.4f} degrees/s of the gyroscope, {:.4f} m/s^2 of the accelerometer\n",
+             kDegrees * j["gyroscope_bias"].get<double>(), j["accelerometer_bias"].get<double>());
+  fmt::print("mounting  {:.2f} degrees, {:.2f} cm\n", kDegrees * j["rotation_rad"].get<double>(),
+             100 * j["lever_m"].get<double>());
+  fmt::print("clock     {:+.2f} ms\n", 1000 * j["clock_s"].get<double>());
+  if (j.contains("gravity_rad")) fmt::print("gravity   {:.2f} degrees\n", kDegrees * j["gravity_rad"].get<double>());
 }
 
 /// All recordings of a project in one frame. Timestamps are shifted per recording, since recordings may start at the
@@ -444,6 +502,17 @@ void add_trajectory(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   command->callback([a] { evaluate_trajectory_files(*a); });
 }
 
+void add_inertial(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
+  auto* command =
+      evaluate.add_subcommand("inertial", "Estimated biases, mounting, clock and gravity of inertial sensors");
+  command->add_option("MAP", a->estimate, "Folder of `cairn reconstruct`")->required()->check(CLI::ExistingDirectory);
+  command->add_option("RECORDING", a->truth, "Recording of `cairn synth --imu`")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  command->add_flag("--json", a->json, "Print JSON, in SI units and radians");
+  command->callback([a] { evaluate_inertial_sensors(*a); });
+}
+
 void add_plan_evaluation(CLI::App& evaluate, const std::shared_ptr<Arguments>& a) {
   auto* command = evaluate.add_subcommand("plan", "The map of a project, with all trajectories in one frame");
   command->add_option("PLAN", a->estimate, "Folder of a project after optimize")
@@ -570,6 +639,7 @@ void add_evaluate(CLI::App& program) {
   add_views(*command, a);
   add_map(*command, a);
   add_loops(*command, a);
+  add_inertial(*command, a);
   add_distances(*command, a);
   add_costmap(*command, a);
   add_plan_evaluation(*command, a);

@@ -97,6 +97,13 @@ Json json_of(const SourceSummary& s) {
                              {"rotation", {q.x(), q.y(), q.z(), q.w()}}};
   }
   if (s.frames) j["frames"] = *s.frames;
+  if (const InertialSummary& i = s.inertial; i.gyroscope.samples > 0 || i.accelerometer.samples > 0) {
+    const auto sensor = [](const InertialSummary::Sensor& n) {
+      return Json{{"samples", n.samples}, {"hertz", n.rate}, {"longest_gap_s", n.longest_gap}};
+    };
+    j["inertial"] = {
+        {"gyroscope", sensor(i.gyroscope)}, {"accelerometer", sensor(i.accelerometer)}, {"median_norm", i.norm}};
+  }
   j.update(Json{{"looked_at", s.inspected},
                 {"unreadable", s.unreadable},
                 {"seconds", s.seconds},
@@ -182,8 +189,13 @@ void print(const SourceSummary& s, const DepthNoise& noise, const std::vector<In
   print(noise, s.rig.sensor);
   fmt::print("{:<16}with {} of these, {:+.1f} ms from depth\n", "color images", s.with_color, 1000 * s.color_delay);
   fmt::print("{:<16}with {} of these\n", "poses", s.with_pose);
-  fmt::print("{:<16}with {} of these\n", "accelerometer", s.with_acceleration);
-  fmt::print("{:<16}with {} of these\n", "gyroscope", s.with_gyroscope);
+  const auto samples = [](const InertialSummary::Sensor& sensor) {
+    return sensor.rate > 0 ? fmt::format(", {:.0f} Hz", sensor.rate) : "";
+  };
+  const InertialSummary& i = s.inertial;
+  fmt::print("{:<16}with {} of these{}{}\n", "accelerometer", s.with_acceleration, samples(i.accelerometer),
+             i.norm > 0 ? fmt::format(", {:.2f} m/s^2", i.norm) : "");
+  fmt::print("{:<16}with {} of these{}\n", "gyroscope", s.with_gyroscope, samples(i.gyroscope));
   fmt::print("{:<16}with {} of these\n", "confidence", s.with_confidence);
   for (const std::string& doubt : s.doubts) fmt::print("{:<16}{}\n", "doubt", doubt);
   if (s.doubts.empty()) fmt::print("{:<16}none\n", "doubts");

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <future>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <regex>
 
@@ -30,6 +31,8 @@ struct Arguments {
   int width = 640, device = -1;
   std::string noise = "kinect", imu = "none", layout = "tum";
   double color_delay = 0, rate = 30;
+  double imu_misalignment = 0, imu_lever = 0, imu_delay = 0;  // rad, m, seconds
+  double imu_range = 35;                                      // rad/s
   std::uint64_t seed = 1;
   bool overwrite = false;
 };
@@ -88,6 +91,8 @@ class SensorErrors {
   /// `density`: 1/sqrt(Hz) of the unit; `walk`: per second.
   SensorErrors(std::uint64_t seed, double density, double walk, const Eigen::Vector3d& bias)
       : random_(seed), density_(density), walk_(walk), bias_(bias) {}
+  /// Bias of the last sample.
+  [[nodiscard]] const Eigen::Vector3d& bias() const { return bias_; }
   /// Error of the next sample at a rate in Hz.
   [[nodiscard]] Eigen::Vector3d next(double rate) {
     bias_ += walk_ / std::sqrt(rate) * noise();
@@ -110,7 +115,8 @@ class SensorErrors {
 };
 
 /// Simulated gyroscope and accelerometer: samples since the last call, at 200 Hz. `mems` models a phone-grade sensor,
-/// Bosch BMI270: 0.007 degrees/s/sqrt(Hz), 160 ug/sqrt(Hz), biases of 0.5 degrees/s and 0.09 m/s^2 with random walk.
+/// Bosch BMI270: 0.007 degrees/s/sqrt(Hz), 160 ug/sqrt(Hz), biases of 0.5 degrees/s and 0.09 m/s^2 with random walk. It
+/// may be rotated against the camera's axes, and apart from the camera, and its clock may be ahead.
 class InertialSensor {
  public:
   InertialSensor(const Arguments& a, const Rig& rig)
@@ -118,23 +124,56 @@ class InertialSensor {
         is_present_(a.imu != "none"),
         is_noisy_(a.imu == "mems"),
         gyro_(a.seed, 0.007 / 57.29578, 2e-4, {0.006, -0.005, 0.004}),
-        acceleration_(a.seed + 1, 1.6e-3, 3e-4, {0.05, -0.04, 0.06}) {}
+        acceleration_(a.seed + 1, 1.6e-3, 3e-4, {0.05, -0.04, 0.06}),
+        imu_from_camera_(Eigen::AngleAxisd(a.imu_misalignment, Eigen::Vector3d(2, -1, 1).normalized())),
+        lever_(a.imu_lever * Eigen::Vector3d(2, -1.5, 1).normalized()),
+        delay_(a.imu_delay),
+        max_rate_(a.imu_range) {}
   /// Adds the samples up to the frame's time.
   void attach_to(Frame& frame, const SyntheticPath& path) {
     for (; is_present_ && static_cast<double>(next_) / kRate <= frame.timestamp; ++next_) {
-      const double at = static_cast<double>(next_) / kRate;
-      Eigen::Vector3d rate = camera_from_imu_.conjugate() * path.angular_rate(at), force = path.specific_force(at);
+      const double at = static_cast<double>(next_) / kRate, moved = std::max(0.0, at - delay_);
+      Eigen::Vector3d rate = imu_from_camera_ * path.angular_rate(moved);
+      Eigen::Vector3d force = imu_from_camera_ * path.specific_force(moved) + force_by_lever(path, moved, rate);
       if (is_noisy_) rate += gyro_.next(kRate), force += acceleration_.next(kRate);
-      frame.gyro.push_back({at, rate});
-      frame.accelerations.push_back({at, force});
+      frame.gyro.push_back({at, camera_from_imu_.conjugate() * limited(rate, max_rate_)});
+      frame.accelerations.push_back({at, limited(force, kMaxForce)});
     }
+  }
+  /// True state at the last sample, as in report.json.
+  [[nodiscard]] nlohmann::json truth() const {
+    const auto list = [](const auto& v) { return std::vector<double>(v.begin(), v.end()); };
+    const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+    return {{"gyroscope_bias", list(is_noisy_ ? gyro_.bias() : none)},
+            {"accelerometer_bias", list(is_noisy_ ? acceleration_.bias() : none)},
+            {"rotation", list(imu_from_camera_.coeffs())},
+            {"lever_m", list(lever_)},
+            {"clock_s", delay_}};
   }
 
  private:
-  static constexpr double kRate = 200;  // Hz
+  static constexpr double kRate = 200;            // Hz
+  static constexpr double kMaxForce = 16 * 9.81;  // m/s^2
+  /// Acceleration of the sensor against the camera, in the sensor's axes.
+  [[nodiscard]] Eigen::Vector3d force_by_lever(const SyntheticPath& path, double at,
+                                               const Eigen::Vector3d& rate) const {
+    if (lever_.isZero()) return Eigen::Vector3d::Zero();
+    constexpr double kStep = 0.005;  // seconds
+    const double before = std::max(0.0, at - kStep);
+    const Eigen::Vector3d turn =
+        imu_from_camera_ * (path.angular_rate(at + kStep) - path.angular_rate(before)) / (at + kStep - before);
+    return -turn.cross(lever_) - rate.cross(rate.cross(lever_));
+  }
+  [[nodiscard]] static Eigen::Vector3d limited(const Eigen::Vector3d& v, double max) {
+    return v.cwiseMax(-max).cwiseMin(max);
+  }
   Eigen::Quaterniond camera_from_imu_;
   bool is_present_, is_noisy_;
   SensorErrors gyro_, acceleration_;
+  Eigen::Quaterniond imu_from_camera_;  // against the rig's axes
+  Eigen::Vector3d lever_;               // of the camera from the sensor, m, in the sensor's axes
+  double delay_;                        // seconds
+  double max_rate_;                     // rad/s
   long next_ = 0;
 };
 
@@ -180,6 +219,7 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
   }
   if (writing.valid()) writing.get();
   writer->finish();
+  if (a.imu != "none") write_whole(folder / "groundtruth_imu.json", inertial.truth().dump(1) + '\n');
   write_mesh(folder / kTruthFile, truth);
   std::erase_if(truth.triangles, [&, i = std::size_t{0}](const auto&) mutable { return !seen[i++]; });
   write_mesh(folder / "groundtruth_seen.ply", truth);
@@ -190,7 +230,8 @@ int write_sequence(const Arguments& a, const fs::path& folder) {
 bool is_recording_file(const std::string& name) {
   static const std::regex names(
       "(accelerometer|associated|associations|calibration|depth|groundtruth|gyroscope|poses|rgb|traj)\\.txt|"
-      "(calib|camera)\\.yaml|(cam_params|camera_intrinsic|transforms)\\.json|(camera_matrix|imu|odometry)\\.csv|"
+      "(calib|camera)\\.yaml|(cam_params|camera_intrinsic|groundtruth_imu|transforms)\\.json|(camera_matrix|imu|"
+      "odometry)\\.csv|"
       "(groundtruth_mesh|groundtruth_seen|points)\\.ply|recording\\.sens|rgb\\.mp4|"
       "frame-[0-9]{6}\\.(depth\\.png|color\\.png|pose\\.txt)|"
       "(color|confidence|depth|depths|images|results|rgb)/[a-z_]*[0-9][0-9.]*\\.(png|jpg)");
@@ -281,6 +322,18 @@ void add_synth(CLI::App& program) {
           "Gyroscope and accelerometer at 200 Hz, ideal or of a phone's grade: gyroscope.txt, accelerometer.txt "
           "(stray-scanner: imu.csv) [none]")
       ->check(one_of({"none", "ideal", "mems"}));
+  add_number(*command, "--imu-misalignment", a->imu_misalignment, {0, 0.2}, Unit::radians,
+             "Rotation of the inertial sensor against the camera's axes, unknown to the recording")
+      ->capture_default_str();
+  add_number(*command, "--imu-lever", a->imu_lever, {0, 1}, Unit::meters,
+             "Distance of the camera from the inertial sensor")
+      ->capture_default_str();
+  add_number(*command, "--imu-delay", a->imu_delay, {-1, 1}, Unit::seconds,
+             "Seconds by which the inertial sensor's clock is ahead of the camera's")
+      ->capture_default_str();
+  add_number(*command, "--imu-range", a->imu_range, {0.1, 100}, Unit::none,
+             "Rate in rad/s at which the gyroscope saturates")
+      ->capture_default_str();
   add_number(*command, "--color-delay", a->color_delay, {-10, 10}, Unit::seconds,
              "Delay of color images after depth images with the same timestamp")
       ->capture_default_str();

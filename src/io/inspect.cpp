@@ -12,6 +12,7 @@
 #include "base/atomic_file.hpp"
 #include "base/image_file.hpp"
 #include "geometry/color_view.hpp"
+#include "io/inspect_inertial.hpp"
 
 namespace cairn {
 namespace {
@@ -88,12 +89,14 @@ SourceSummary inspect(Source& source, int frames) {
   summary.rig = source.rig();
   summary.frames = source.size();
   Statistics statistics;
+  InertialRecord inertial;
   while (summary.inspected < frames) {
     const auto frame = source.next();
     if (!frame) break;
     ++summary.inspected;
     if (!frame->problem) {
       add_frame(*frame, statistics, summary);
+      inertial.add(*frame);
     } else if (summary.unreadable++ == 0) {
       summary.first_problem = *frame->problem;
     }
@@ -106,7 +109,9 @@ SourceSummary inspect(Source& source, int frames) {
   summary.median = static_cast<double>(quantile(statistics.depths, 0.5));
   summary.farthest = static_cast<double>(quantile(statistics.depths, 0.99));
   summary.color_delay = quantile(statistics.delays, 0.5);
+  summary.inertial = summarize(inertial);
   summary.doubts = find_doubts(summary);
+  for (std::string& doubt : find_doubts(inertial, summary.inertial)) summary.doubts.push_back(std::move(doubt));
   if (const auto early = source.ended_early()) summary.doubts.push_back(*early);
   return summary;
 }

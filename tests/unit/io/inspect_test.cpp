@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <functional>
 #include <opencv2/imgcodecs.hpp>
 
 #include "support/files.hpp"
@@ -82,6 +84,77 @@ TEST(Inspect, ReportsMissingColor) {
   EXPECT_TRUE(doubts(inspect(source), "there is no color"));
   EXPECT_NE(error_of([&] { write_edges_picture("x.png", small_camera(), frames[0]); }).find("no color"),
             std::string::npos);
+}
+
+/// Frames with samples of both inertial sensors at 200 Hz, at rest but for some noise.
+std::vector<Frame> with_inertial(std::vector<Frame> frames) {
+  for (Frame& frame : frames)
+    for (int i = 0; i < 10; ++i) {
+      const double t = frame.timestamp + 0.005 * (i - 9), noise = 0.01 * std::sin(1e3 * t);
+      frame.gyro.push_back({t, {noise, 2 * noise, -noise}});
+      frame.accelerations.push_back({t, {noise, -9.81 + noise, 0.1 - noise}});
+    }
+  return frames;
+}
+
+TEST(Inspect, SummarizesInertialSensors) {
+  Given source(small_camera(), with_inertial(room(8, 20)));
+  const SourceSummary s = inspect(source);
+  EXPECT_NEAR(s.inertial.gyroscope.rate, 200, 0.1);
+  EXPECT_EQ(s.inertial.accelerometer.samples, 80);
+  EXPECT_NEAR(s.inertial.accelerometer.longest_gap, 0.005, 1e-9);
+  EXPECT_NEAR(s.inertial.norm, 9.81, 0.05);
+  EXPECT_TRUE(s.doubts.empty()) << s.doubts[0];
+}
+
+TEST(Inspect, DoubtsInertialSensors) {
+  const auto doubted = [](const std::function<void(Frame&)>& spoil, const std::string& text) {
+    auto frames = with_inertial(room(8, 20));
+    for (Frame& frame : frames) spoil(frame);
+    Given source(small_camera(), frames);
+    const SourceSummary s = inspect(source);
+    return doubts(s, text) && s.doubts.size() == 1;
+  };
+  EXPECT_TRUE(doubted(
+      [](Frame& f) {
+        for (auto& a : f.accelerations) a.value /= 9.81;
+      },
+      "check its unit (g)"));
+  EXPECT_TRUE(doubted(
+      [](Frame& f) {
+        for (auto& r : f.gyro) r.rate *= 5e3;
+      },
+      "check its unit (degrees/s)"));
+  EXPECT_TRUE(doubted(
+                  [](Frame& f) {
+                    for (auto& r : f.gyro) r.rate.y() = std::min(r.rate.y(), 0.0);
+                  },
+                  "the gyroscope's y axis") == false);  // an extreme value that is not the largest magnitude
+  EXPECT_TRUE(doubted(
+      [](Frame& f) {
+        for (auto& r : f.gyro) r.rate.z() = std::clamp(r.rate.z(), -0.004, 0.004);
+      },
+      "the gyroscope's z axis is saturated at 0.004"));
+  EXPECT_TRUE(doubted(
+      [](Frame& f) {
+        for (auto& a : f.accelerations) a.value.x() = 0;
+      },
+      "the accelerometer's x axis is always 0: it is not measured"));
+  EXPECT_TRUE(doubted(
+                  [](Frame& f) {
+                    if (f.timestamp > 7.12 && f.timestamp < 7.27) f.gyro.clear();
+                  },
+                  "the gyroscope has no sample for 0.15 s") ||
+              doubted(
+                  [](Frame& f) {
+                    if (f.timestamp > 7.12 && f.timestamp < 7.27) f.gyro.clear();
+                  },
+                  "the gyroscope has no sample for 0.16 s"));
+  EXPECT_TRUE(doubted(
+      [](Frame& f) {
+        for (auto& a : f.accelerations) a.timestamp += 0.3;
+      },
+      "not synchronized"));
 }
 
 TEST(Inspect, AcceptsEmptySource) {
