@@ -26,9 +26,11 @@ constexpr double kFocalTurn = 0.1;            // min. rotation in rad between th
 constexpr double kClockOffsetContrast = 1.5;  // min. ratio of the worst to the best cost
 // Keyframes to compare a frame with.
 constexpr std::size_t kMaxRecentKeyframes = 4, kMaxSimilarKeyframes = 6, kMaxOtherKeyframes = 4;
-constexpr std::size_t kMaxGuesses = 3;      // poses by features to align a lost frame at, with stored keyframes
-constexpr double kMaxMoving = 0.3;          // share of the image
-constexpr int kAllUnobserved = 6;           // unobserved directions of a pose without alignment
+constexpr std::size_t kMaxGuesses = 3;  // poses by features to align a lost frame at, with stored keyframes
+constexpr double kMinRivalShare = 0.5;  // feature inliers of another place, relative to the found one
+constexpr double kElsewhereDistance = 0.5, kElsewhereAngle = 0.35;  // m, rad: other place
+constexpr double kMaxMoving = 0.3;                                  // share of the image
+constexpr int kAllUnobserved = 6;                                   // unobserved directions of a pose without alignment
 constexpr double kMaxGyroSeconds = 0.3;     // max. seconds of tracking by the inertial sensor alone
 constexpr double kMaxInertialSigma = 0.05;  // m, of a prediction
 constexpr double kInertialSigmas = 2.5;     // of a prediction confirmed by an alignment
@@ -70,6 +72,12 @@ double share_between(const std::vector<float>& depth, float min_depth, float max
   const auto seen =
       std::count_if(depth.begin(), depth.end(), [&](float z) { return z >= min_depth && z <= max_depth; });
   return static_cast<double>(seen) / static_cast<double>(depth.size());
+}
+
+bool is_elsewhere(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d motion = a.inverse() * b;
+  return motion.translation().norm() > kElsewhereDistance ||
+         Eigen::AngleAxisd(motion.linear()).angle() > kElsewhereAngle;
 }
 
 /// Minimum of a function sampled at equal intervals, by a parabola through the lowest sample and its neighbors.
@@ -444,21 +452,33 @@ TrackingResult Tracker::relocalize(const Frame& frame, const FramePyramid& live,
   if (is_gyro_usable(frame) && tracked.alignment.converged() && is_near(tracked.alignment, tracked.predicted_from))
     return tracked;
   if (confirms_inertial(frame, tracked)) return tracked;
-  std::vector<FeaturePose> guesses = timed(times, "recognize", [&] {
+  const std::vector<FeaturePose> guesses = timed(times, "recognize", [&] {
     const Features seen = features_of(live, rig_, device_);
     return poses_by_features(seen, candidates(seen));
   });
-  guesses.resize(std::min(guesses.size(), keyframe_preprocessor_ != nullptr ? kMaxGuesses : 1));
-  for (const FeaturePose& guess : guesses) {
+  const auto certain_at = [&](const FeaturePose& guess) -> std::optional<TrackingResult> {
     const bool has_reference = keyframe_preprocessor_ != nullptr && set_reference(guess.keyframe);
     TrackingResult other = align(frame, live, volume, guess.tracked_from_camera, InitialGuess::relocalized,
                                  AlignmentRange::coarse_to_fine, times);
-    if (is_certain(other.alignment, state_.typical)) return other;
-    if (!has_reference) continue;
-    reference_.clear();  // another light
-    other = align_with_prediction(frame, live, guess.tracked_from_camera, InitialGuess::relocalized,
-                                  AlignmentRange::coarse_to_fine, times);
-    if (is_certain(other.alignment, state_.typical)) return other;
+    if (has_reference) {
+      const bool is_found = is_certain(other.alignment, state_.typical);
+      reference_.clear();  // the next frames use this frame: things may have moved since the keyframe
+      if (!is_found)       // another light
+        other = align_with_prediction(frame, live, guess.tracked_from_camera, InitialGuess::relocalized,
+                                      AlignmentRange::coarse_to_fine, times);
+    }
+    return is_certain(other.alignment, state_.typical) ? std::optional(std::move(other)) : std::nullopt;
+  };
+  const bool is_localizing = !removes_moving_;
+  for (std::size_t i = 0; i < std::min(guesses.size(), is_localizing ? kMaxGuesses : 1); ++i) {
+    const auto found = certain_at(guesses[i]);
+    if (!found) continue;
+    const auto is_rival = [&](const FeaturePose& other) {
+      return other.inliers >= kMinRivalShare * guesses[i].inliers &&
+             is_elsewhere(found->alignment.submap_from_camera, other.tracked_from_camera) && certain_at(other);
+    };
+    if (!is_localizing || std::none_of(guesses.begin(), guesses.end(), is_rival)) return *found;
+    break;  // at two places that look alike
   }
   if (tracked.alignment.converged()) tracked.alignment.lost = FrameCause::not_relocalized;
   return tracked;

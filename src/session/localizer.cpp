@@ -45,6 +45,15 @@ std::shared_ptr<MapState> load_map(const fs::path& folder, int device) {
   return map;
 }
 
+/// Voxels of the main component in the world frame. Its free space, which takes as long, serves changes alone.
+BrickTree world_of(MapState& map, bool with_free_space) {
+  BackEnd& back_end = map.back_end;
+  const LoadFree none = [](std::size_t) { return std::make_shared<const BrickTree>(); };
+  GlobalVolume world(map.device, map.options.fuse);
+  (void)world.update(back_end.placed_submaps(), back_end.load_submap(), with_free_space ? back_end.load_free() : none);
+  return world.release();
+}
+
 /// True if the images of two rigs have the same views, apart from a rolling shutter, which stored keyframes lack.
 bool has_same_images(const Rig& a, const Rig& b) {
   const Rig first = with_global_shutter(a), second = with_global_shutter(b);
@@ -99,7 +108,7 @@ struct Localizer::State {
     map->back_end.finish_optimization();
     upright = map->upright();
     map->end_map();
-    map->volume.adopt(map->back_end.global_volume().release());
+    map->volume.adopt(world_of(*map, o.changes));
     map->back_end.begin_recording();
     tracker.start_lost();
     if (has_same_images(rig, map->rig))
