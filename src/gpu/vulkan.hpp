@@ -82,6 +82,8 @@ struct Buffer::State {
   std::uint64_t address = 0;
   mutable std::map<vk::Format, vk::raii::BufferView> views;
 
+  /// Waits for submissions that read the views.
+  ~State() { allocation.device.wait_idle(); }
   /// The buffer as texels; the view is created on first use.
   const vk::raii::BufferView& texels(vk::Format format) const;
 };
