@@ -3,11 +3,12 @@
 // Step of Adam (Kingma & Ba 2015) for the visible splats only.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/splats.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SplatAdamPush push; };
-layout(binding = 0, scalar) readonly buffer Order { uint order[]; };
-layout(binding = 1, scalar) readonly buffer Gradients { float gradients[]; };
+WORDS(0, ranks);
+FLOATS(1, gradients);
 layout(binding = 2, scalar) buffer Model { float model[]; };
 layout(binding = 3, scalar) buffer Means { float means[]; };
 layout(binding = 4, scalar) buffer Squares { float squares[]; };
@@ -15,10 +16,11 @@ layout(binding = 4, scalar) buffer Squares { float squares[]; };
 const float kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-15;
 
 void main() {
-  uint rank = gl_GlobalInvocationID.x, plane = gl_GlobalInvocationID.y;
-  if (rank >= push.count) return;
-  uint at = plane * push.stride + order[rank];
-  float gradient = gradients[plane * push.stride + rank];
+  uint i = gl_GlobalInvocationID.x, plane = gl_GlobalInvocationID.y;
+  if (i >= push.count) return;
+  if (fetch(ranks, int(i)) == kNoSplatRank) return;
+  uint at = plane * push.count + i;
+  float gradient = fetch(gradients, int(at));
   float mean = mix(gradient, means[at], kBeta1), square = mix(gradient * gradient, squares[at], kBeta2);
   means[at] = mean;
   squares[at] = square;

@@ -14,14 +14,16 @@ layout(binding = 2, scalar) readonly buffer Slots { uint slots[]; };
 layout(binding = 3, scalar) readonly buffer Ranges { uint ranges[]; };
 layout(binding = 4, scalar) readonly buffer Image { float image[]; };
 layout(binding = 5, scalar) readonly buffer PixelGradients { float pixel_gradients[]; };
-layout(binding = 6, scalar) writeonly buffer SlotGradients { float slot_gradients[]; };  // kSplatSlot per slot
+layout(binding = 6, scalar) writeonly buffer SlotShapes { float slot_shapes[]; };  // kSplatSlot per slot
+layout(binding = 7, scalar) writeonly buffer SlotColors { float slot_colors[]; };
 
 struct Row {
   vec4 transmittance, live, behind;
   vec4 red, green, blue, opacity, depth;  // gradients of the pixels
 };
 struct Sum {
-  vec4 u, v, a, b, c, opacity, red, green, blue, depth;
+  vec4 power, power_y, power_yy;  // of the gradient by the exponent: by column, times dy, times dy^2
+  vec4 red, green, blue, depth;
 };
 
 vec4 four(uint plane, uint x, uint y, bool of_image) {
@@ -46,20 +48,15 @@ Row row_at(uint x, uint y) {
 }
 
 void add(inout Row row, inout Sum sum, ProjectedSplat s, vec4 dx, float dy) {
-  vec4 e, alpha = alpha_of(s, dx, dy, row.transmittance, row.live, e), weight = row.transmittance * alpha;
+  vec4 alpha = alpha_of(s, dx, dy, row.transmittance, row.live), weight = row.transmittance * alpha;
   vec4 q = row.red * s.red + row.green * s.green + row.blue * s.blue + row.opacity + row.depth * s.depth;
   row.behind -= weight * q;
-  vec4 of_alpha = row.transmittance * q - row.behind / (1.0 - alpha);
-  bvec4 varies = bvec4(uvec4(greaterThan(alpha, vec4(0.0))) & uvec4(lessThan(alpha, vec4(kMaxSplatAlpha))));
-  of_alpha = mix(vec4(0.0), of_alpha, varies);
+  vec4 of_power = weight * q - alpha * row.behind / (1.0 - alpha);
+  of_power = mix(vec4(0.0), of_power, lessThan(alpha, vec4(kMaxSplatAlpha)));
   row.transmittance *= 1.0 - alpha;
-  vec4 of_power = of_alpha * alpha;
-  sum.u -= of_power * (s.a * dx + s.b * dy);
-  sum.v -= of_power * (s.b * dx + s.c * dy);
-  sum.a -= 0.5 * of_power * dx * dx;
-  sum.b -= of_power * dx * dy;
-  sum.c -= 0.5 * of_power * dy * dy;
-  sum.opacity += of_alpha * e;
+  sum.power += of_power;
+  sum.power_y += of_power * dy;
+  sum.power_yy += of_power * (dy * dy);
   sum.red += weight * row.red;
   sum.green += weight * row.green;
   sum.blue += weight * row.blue;
@@ -82,22 +79,22 @@ void main() {
     SPLAT_TEXELS(projected, splat, s)
     vec4 dx = s.u - u;
     float dy = s.v - v;
-    Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0),
-                  vec4(0.0));
+    Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     add(r0, sum, s, dx, dy);
     add(r1, sum, s, dx, dy - 1.0);
     add(r2, sum, s, dx, dy - 2.0);
     add(r3, sum, s, dx, dy - 3.0);
     uint at = slots[i] * kSplatSlot;
-    slot_gradients[at] = total(sum.u);
-    slot_gradients[at + 1u] = total(sum.v);
-    slot_gradients[at + 2u] = total(sum.a);
-    slot_gradients[at + 3u] = total(sum.b);
-    slot_gradients[at + 4u] = total(sum.c);
-    slot_gradients[at + 5u] = total(sum.opacity);
-    slot_gradients[at + 6u] = total(sum.red);
-    slot_gradients[at + 7u] = total(sum.green);
-    slot_gradients[at + 8u] = total(sum.blue);
-    slot_gradients[at + 9u] = total(sum.depth);
+    float x_moment = dot(sum.power, dx), y_moment = total(sum.power_y);
+    slot_shapes[at] = -(s.a * x_moment + s.b * y_moment);
+    slot_shapes[at + 1u] = -(s.b * x_moment + s.c * y_moment);
+    slot_shapes[at + 2u] = -0.5 * dot(sum.power, dx * dx);
+    slot_shapes[at + 3u] = -dot(sum.power_y, dx);
+    slot_shapes[at + 4u] = -0.5 * total(sum.power_yy);
+    slot_colors[at] = total(sum.power) / s.opacity;
+    slot_colors[at + 1u] = total(sum.red);
+    slot_colors[at + 2u] = total(sum.green);
+    slot_colors[at + 3u] = total(sum.blue);
+    slot_colors[at + 4u] = total(sum.depth);
   }
 }

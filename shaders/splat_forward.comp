@@ -17,7 +17,7 @@ struct Row {
 };
 
 void blend(inout Row row, ProjectedSplat s, vec4 dx, float dy) {
-  vec4 e, alpha = alpha_of(s, dx, dy, row.transmittance, row.live, e), weight = row.transmittance * alpha;
+  vec4 alpha = alpha_of(s, dx, dy, row.transmittance, row.live), weight = row.transmittance * alpha;
   row.red += weight * s.red;
   row.green += weight * s.green;
   row.blue += weight * s.blue;

@@ -1,59 +1,61 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Gradients of the parameters of each visible splat: sum over its tiles, and the chain rule through color and
-// projection. Planes as in the model, by rank.
+// projection. Planes as in the model; values of invisible splats are not written.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/splats.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SplatViewPush push; };
-layout(binding = 0, scalar) readonly buffer Order { uint order[]; };
-layout(binding = 1, scalar) readonly buffer Model { float model[]; };
-layout(binding = 2, scalar) readonly buffer Harmonics { float harmonics[]; };
-layout(binding = 3, scalar) readonly buffer Projected { ProjectedSplat projected[]; };
-layout(binding = 4, scalar) readonly buffer Tiles { uvec2 tiles[]; };
-layout(binding = 5, scalar) readonly buffer Offsets { uint offsets[]; };
-layout(binding = 6, scalar) readonly buffer SlotGradients { float slot_gradients[]; };
+layout(binding = 0, scalar) readonly buffer Ranks { uint ranks[]; };
+FLOATS(1, model);
+FLOATS(2, harmonics);
+PAIRS(3, projected);
+layout(binding = 4, scalar) readonly buffer Offsets { uint offsets[]; };
+FLOATS(5, slot_shapes);
+FLOATS(6, slot_colors);
 layout(binding = 7, scalar) writeonly buffer Gradients { float gradients[]; };
 layout(binding = 8, scalar) writeonly buffer HarmonicGradients { float harmonic_gradients[]; };
 layout(binding = 9, scalar) buffer Motion { vec2 motion[]; };  // by splat: sum of the length of its pixel gradient, and count
 
-float value(uint plane, uint i) { return model[plane * push.stride + i]; }
-void store(uint plane, uint rank, float gradient) { gradients[plane * push.stride + rank] = gradient; }
-void store(uint plane, uint rank, vec3 gradient) {
-  store(plane, rank, gradient.x);
-  store(plane + 1u, rank, gradient.y);
-  store(plane + 2u, rank, gradient.z);
+float value(uint plane, uint i) { return fetch(model, int(plane * push.count + i)); }
+void store(uint plane, uint i, float gradient) { gradients[plane * push.count + i] = gradient; }
+void store(uint plane, uint i, vec3 gradient) {
+  store(plane, i, gradient.x);
+  store(plane + 1u, i, gradient.y);
+  store(plane + 2u, i, gradient.z);
 }
 vec3 harmonic(uint k, uint i) {
-  uint at = 3u * k * push.stride + i;
-  return vec3(harmonics[at], harmonics[at + push.stride], harmonics[at + 2u * push.stride]);
+  int at = int(3u * k * push.count + i), count = int(push.count);
+  return vec3(fetch(harmonics, at), fetch(harmonics, at + count), fetch(harmonics, at + 2 * count));
 }
-void store_harmonic(uint k, uint rank, vec3 gradient) {
-  uint at = 3u * k * push.stride + rank;
+void store_harmonic(uint k, uint i, vec3 gradient) {
+  uint at = 3u * k * push.count + i;
   harmonic_gradients[at] = gradient.x;
-  harmonic_gradients[at + push.stride] = gradient.y;
-  harmonic_gradients[at + 2u * push.stride] = gradient.z;
+  harmonic_gradients[at + push.count] = gradient.y;
+  harmonic_gradients[at + 2u * push.count] = gradient.z;
 }
 
 void main() {
-  uint rank = thread_index();
-  if (rank >= push.count) return;
-  uint i = order[rank];
-  uvec2 rect = tiles[i];
-  uint count = ((rect.y & 0xffffu) - (rect.x & 0xffffu) + 1u) * ((rect.y >> 16) - (rect.x >> 16) + 1u);
+  uint i = thread_index();
+  if (i >= push.count) return;
+  uint rank = ranks[i];
+  if (rank == kNoSplatRank) return;
+  int end = int(rank + 1u < push.count ? offsets[rank + 1u] : push.entries) * int(kSplatSlot);
   vec2 of_at = vec2(0.0);
   vec3 of_conic = vec3(0.0), of_color = vec3(0.0);
   float of_opacity = 0.0, of_depth = 0.0;
-  uint at = offsets[rank] * kSplatSlot;
-  for (uint k = 0u; k < count; ++k, at += kSplatSlot) {
-    of_at += vec2(slot_gradients[at], slot_gradients[at + 1u]);
-    of_conic += vec3(slot_gradients[at + 2u], slot_gradients[at + 3u], slot_gradients[at + 4u]);
-    of_opacity += slot_gradients[at + 5u];
-    of_color += vec3(slot_gradients[at + 6u], slot_gradients[at + 7u], slot_gradients[at + 8u]);
-    of_depth += slot_gradients[at + 9u];
+  for (int at = int(offsets[rank] * kSplatSlot); at < end; at += int(kSplatSlot)) {
+    of_at += vec2(fetch(slot_shapes, at), fetch(slot_shapes, at + 1));
+    of_conic += vec3(fetch(slot_shapes, at + 2), fetch(slot_shapes, at + 3), fetch(slot_shapes, at + 4));
+    of_opacity += fetch(slot_colors, at);
+    of_color += vec3(fetch(slot_colors, at + 1), fetch(slot_colors, at + 2), fetch(slot_colors, at + 3));
+    of_depth += fetch(slot_colors, at + 4);
   }
-  ProjectedSplat s = projected[i];
+  ProjectedSplat s;
+  int splat = int(i);
+  SPLAT_TEXELS(projected, splat, s)
   Pinhole camera = local(push.camera);
   Rigid pose = local(push.camera_from_world);
   vec3 position = vec3(value(kSplatPosition, i), value(kSplatPosition + 1u, i), value(kSplatPosition + 2u, i));
@@ -61,10 +63,10 @@ void main() {
 
   // Color.
   of_color = mix(vec3(0.0), of_color, greaterThan(vec3(s.red, s.green, s.blue), vec3(0.0)));
-  store(kSplatColor, rank, 0.2820947918 * of_color);
+  store(kSplatColor, i, 0.2820947918 * of_color);
   vec3 ray = position + inverse_rotate(pose, pose.t), d = normalize(ray), of_direction = vec3(0.0);
 #define HARMONIC(k, value, derivative)           \
-  store_harmonic(k, rank, (value) * of_color);    \
+  store_harmonic(k, i, (value) * of_color);    \
   of_direction += dot(of_color, harmonic(k, i)) * (derivative);
   if (push.degree > 0u) { HARMONICS_1(d) }
   if (push.degree > 1u) { HARMONICS_2(d) }
@@ -88,7 +90,7 @@ void main() {
   factor_of(camera, slope, p.z, turn, u0, u1);
   vec3 n0 = u0 * scale, n1 = u1 * scale;
   vec3 of_n0 = 2.0 * (of_a * n0 + of_b * n1), of_n1 = 2.0 * (of_c * n1 + of_b * n0);
-  store(kSplatScale, rank, (of_n0 * u0 + of_n1 * u1) * scale);
+  store(kSplatScale, i, (of_n0 * u0 + of_n1 * u1) * scale);
   vec3 of_u0 = of_n0 * scale * camera.fx / p.z, of_u1 = of_n1 * scale * camera.fy / p.z;
   // Rows of dL/d(W R), since u0 = fx / z (row 0 - slope.x row 2) and u1 = fy / z (row 1 - slope.y row 2).
   mat3 of_turn = transpose(mat3(of_u0, of_u1, -slope.x * of_u0 - slope.y * of_u1));
@@ -98,9 +100,9 @@ void main() {
                          q.x * (r[2].x - r[0].z) + q.y * (r[1].x + r[0].y) + q.w * (r[2].y + r[1].z) - 2.0 * q.z * (r[0].x + r[2].z),
                          q.x * (r[0].y - r[1].x) + q.y * (r[2].x + r[0].z) + q.z * (r[2].y + r[1].z) - 2.0 * q.w * (r[0].x + r[1].y));
   of_q = (of_q - q * dot(q, of_q)) / norm;
-  store(kSplatRotation, rank, of_q.xyz);
-  store(kSplatRotation + 3u, rank, of_q.w);
-  store(kSplatOpacity, rank, of_opacity * s.opacity * (1.0 - s.opacity));
+  store(kSplatRotation, i, of_q.xyz);
+  store(kSplatRotation + 3u, i, of_q.w);
+  store(kSplatOpacity, i, of_opacity * s.opacity * (1.0 - s.opacity));
 
   // Camera frame: through the mean, the depth, and the factor's z and slope.
   vec3 row2 = vec3(turn[0].z, turn[1].z, turn[2].z);
@@ -109,5 +111,5 @@ void main() {
   vec2 of_pixel = of_at * vec2(camera.fx, camera.fy) + of_slope;  // of p.xy / p.z
   vec3 of_p = vec3(of_pixel / p.z, of_depth - dot(of_pixel, p.xy) / (p.z * p.z) -
                                        (dot(of_n0 * scale, u0) + dot(of_n1 * scale, u1)) / p.z);
-  store(kSplatPosition, rank, of_position + inverse_rotate(pose, of_p));
+  store(kSplatPosition, i, of_position + inverse_rotate(pose, of_p));
 }

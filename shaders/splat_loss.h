@@ -24,10 +24,23 @@ struct SplatLossPush {
 #ifdef __cplusplus
 }  // namespace cairn::shader
 #else
-// Calls TAP(offset, weight) for the window of SSIM.
-#define TAPS                                                                                                          \
-  TAP(-5, 0.00102838) TAP(-4, 0.00759876) TAP(-3, 0.03600077) TAP(-2, 0.10936069) TAP(-1, 0.21300554) TAP(0, 0.26601172) \
-  TAP(1, 0.21300554) TAP(2, 0.10936069) TAP(3, 0.03600077) TAP(4, 0.00759876) TAP(5, 0.00102838)
+// Calls TAP(k, weights) for the pixels k - 5 from the first of four neighbors, with their weights in the windows of the
+// four: a thread loads a pixel once for four windows.
+#define TAPS \
+  TAP(0, vec4(0.00102838, 0.0, 0.0, 0.0)) \
+  TAP(1, vec4(0.00759876, 0.00102838, 0.0, 0.0)) \
+  TAP(2, vec4(0.03600077, 0.00759876, 0.00102838, 0.0)) \
+  TAP(3, vec4(0.10936069, 0.03600077, 0.00759876, 0.00102838)) \
+  TAP(4, vec4(0.21300554, 0.10936069, 0.03600077, 0.00759876)) \
+  TAP(5, vec4(0.26601172, 0.21300554, 0.10936069, 0.03600077)) \
+  TAP(6, vec4(0.21300554, 0.26601172, 0.21300554, 0.10936069)) \
+  TAP(7, vec4(0.10936069, 0.21300554, 0.26601172, 0.21300554)) \
+  TAP(8, vec4(0.03600077, 0.10936069, 0.21300554, 0.26601172)) \
+  TAP(9, vec4(0.00759876, 0.03600077, 0.10936069, 0.21300554)) \
+  TAP(10, vec4(0.00102838, 0.00759876, 0.03600077, 0.10936069)) \
+  TAP(11, vec4(0.0, 0.00102838, 0.00759876, 0.03600077)) \
+  TAP(12, vec4(0.0, 0.0, 0.00102838, 0.00759876)) \
+  TAP(13, vec4(0.0, 0.0, 0.0, 0.00102838))
 float channel_of(uint word, uint channel) { return float(word >> (8u * channel) & 255u) / 255.0; }
 #endif
 #endif

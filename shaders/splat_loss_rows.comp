@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
-// Moments of SSIM, blurred along the rows. One thread per pixel and channel.
+// Moments of SSIM, blurred along the rows. One thread per four pixels of a row and channel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shaders/fetch.h"
@@ -12,27 +12,33 @@ WORDS(1, target);
 layout(binding = 2, scalar) writeonly buffer Moments { float moments[]; };
 
 void main() {
-  ivec2 p = thread_place();
+  ivec2 p = thread_place() * ivec2(4, 1);
   int width = int(push.width), pixels = width * int(push.height);
   uint channel = gl_GlobalInvocationID.z;
   if (p.x >= width || p.y >= int(push.height)) return;
   float gain = push.gain[channel], offset = push.offset[channel];
   int row = p.y * width, plane = int(channel) * pixels;
-  vec4 sum = vec4(0.0);
-  float product = 0.0;
-#define TAP(k, w)                                                                 \
-  {                                                                               \
-    int at = row + clamp(p.x + k, 0, width - 1);                                  \
-    float weight = p.x + k >= 0 && p.x + k < width ? w : 0.0;                     \
-    float x = gain * fetch(image, plane + at) + offset, y = channel_of(fetch(target, at), channel); \
-    sum += weight * vec4(x, y, x * x, y * y);                                     \
-    product += weight * x * y;                                                    \
+  vec4 sum_x = vec4(0.0), sum_y = vec4(0.0), sum_xx = vec4(0.0), sum_yy = vec4(0.0), sum_xy = vec4(0.0);
+#define TAP(k, w)                                                                                   \
+  {                                                                                                 \
+    int column = p.x + k - 5, at = row + clamp(column, 0, width - 1);                               \
+    float inside = column >= 0 && column < width ? 1.0 : 0.0;                                       \
+    float x = inside * (gain * fetch(image, plane + at) + offset), y = inside * channel_of(fetch(target, at), channel); \
+    sum_x += w * x;                                                                                 \
+    sum_y += w * y;                                                                                 \
+    sum_xx += w * (x * x);                                                                          \
+    sum_yy += w * (y * y);                                                                          \
+    sum_xy += w * (x * y);                                                                          \
   }
   TAPS
-  uint to = channel * kLossMoments * uint(pixels) + uint(row + p.x);
-  moments[to] = sum.x;
-  moments[to + uint(pixels)] = sum.y;
-  moments[to + 2u * uint(pixels)] = sum.z;
-  moments[to + 3u * uint(pixels)] = sum.w;
-  moments[to + 4u * uint(pixels)] = product;
+  uint to = channel * kLossMoments * uint(pixels) + uint(row + p.x), n = uint(pixels);
+#define STORE(k)                      \
+  if (p.x + k < width) {              \
+    moments[to + uint(k)] = sum_x[k];           \
+    moments[to + n + uint(k)] = sum_y[k];       \
+    moments[to + 2u * n + uint(k)] = sum_xx[k]; \
+    moments[to + 3u * n + uint(k)] = sum_yy[k]; \
+    moments[to + 4u * n + uint(k)] = sum_xy[k]; \
+  }
+  STORE(0) STORE(1) STORE(2) STORE(3)
 }

@@ -3,16 +3,17 @@
 // Projects each splat: 2D Gaussian, covered tiles and depth key.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "shaders/fetch.h"
 #include "shaders/splats.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SplatViewPush push; };
-layout(binding = 0, scalar) readonly buffer Model { float model[]; };
+FLOATS(0, model);
 layout(binding = 1, scalar) writeonly buffer Projected { ProjectedSplat projected[]; };
 layout(binding = 2, scalar) writeonly buffer Tiles { uvec2 tiles[]; };  // first and last: x in the lower 16 bits, y in the upper
 layout(binding = 3, scalar) writeonly buffer Keys { uint keys[]; };
 layout(binding = 4, scalar) writeonly buffer Order { uint order[]; };
 
-float value(uint plane, uint i) { return model[plane * push.stride + i]; }
+float value(uint plane, uint i) { return fetch(model, int(plane * push.count + i)); }
 
 void main() {
   uint i = thread_index();

@@ -16,8 +16,9 @@ const uint kSplatTile = 4;  // pixels per side
 const uint kSplatPosition = 0, kSplatScale = 3, kSplatRotation = 6, kSplatOpacity = 10, kSplatColor = 11;
 const uint kSplatPlanes = 14;     // without harmonics of degree 1 and above, which are planes of a second buffer
 const uint kSplatImages = 5;      // planes of an image: color, opacity, depth
-const uint kSplatSlot = 10;       // gradients of a splat in a tile: pixel, conic, opacity, color, depth
+const uint kSplatSlot = 5;        // gradients of a splat in a tile: pixel and conic; opacity, color and depth
 const uint kNoSplatKey = 0xffffffu;  // depth key of a splat outside the image
+const uint kNoSplatRank = 0xffffffffu;
 const float kSplatNear = 0.05f;      // meters
 const float kMinSplatAlpha = 1.0f / 255.0f, kMaxSplatAlpha = 0.99f;
 const float kMinTransmittance = 1e-4f;
@@ -33,10 +34,10 @@ struct ProjectedSplat {
 struct SplatViewPush {
   Pinhole camera;
   Rigid camera_from_world;
-  uint count;      // splats, or visible splats
-  uint stride;     // of the planes of the model
+  uint count;      // splats; the stride of the planes of the model
   uint degree;     // of the harmonics
   float low_pass;  // pixels^2, added to the 2D covariance
+  uint entries;    // of all tiles
 };
 struct SplatListPush {
   uint count;
@@ -47,8 +48,7 @@ struct SplatImagePush {
   uint columns, tiles;  // tiles per row, and in total
 };
 struct SplatAdamPush {
-  uint count;   // visible splats
-  uint stride;  // of the planes
+  uint count;  // splats; the stride of the planes
   float position, scale, rotation, opacity, color;  // step sizes by plane, see kSplatPosition
   float correction1;                                // 1 - beta1^t
   float correction2;                                // 1 - beta2^t
@@ -118,11 +118,26 @@ void factor_of(Pinhole camera, vec2 slope, float z, mat3 turn, out vec3 u0, out 
                        uintBitsToFloat(t3.x), uintBitsToFloat(t3.y), uintBitsToFloat(t4.x), uintBitsToFloat(t4.y)); \
   }
 
-// Opacity of a splat at four pixels of a row. `e`: the Gaussian; 0 below kMinSplatAlpha and where `live` is 0.
-vec4 alpha_of(ProjectedSplat s, vec4 dx, float dy, vec4 transmittance, inout vec4 live, out vec4 e) {
+// Least value of a dx^2 + 2 b dx dy + c dy^2 over the pixels of a tile, from the splat's center. Precise: two kernels
+// must agree.
+float least_of(ProjectedSplat s, uint x, uint y) {
+  vec2 from = kSplatTile * vec2(x, y) - vec2(s.u, s.v), to = from + float(kSplatTile - 1u);
+  vec2 near = clamp(vec2(0.0), from, to);
+  float dy = clamp(-s.b / s.c * near.x, from.y, to.y), dx = clamp(-s.b / s.a * near.y, from.x, to.x);
+  precise float least = min((s.a * near.x + 2.0 * s.b * dy) * near.x + s.c * dy * dy,
+                            (s.a * dx + 2.0 * s.b * near.y) * dx + s.c * near.y * near.y);
+  return least;
+}
+// Value of least_of above which a splat has no effect.
+float reach_of(ProjectedSplat s) {
+  precise float reach = 2.0 * log(s.opacity / kMinSplatAlpha) + 0.01;
+  return reach;
+}
+
+// Opacity of a splat at four pixels of a row; 0 below kMinSplatAlpha and where `live` is 0.
+vec4 alpha_of(ProjectedSplat s, vec4 dx, float dy, vec4 transmittance, inout vec4 live) {
   vec4 power = -0.5 * (s.a * dx * dx + s.c * dy * dy) - s.b * dx * dy;
-  e = exp(min(power, vec4(0.0)));
-  vec4 alpha = min(s.opacity * e, vec4(kMaxSplatAlpha));
+  vec4 alpha = min(s.opacity * exp(min(power, vec4(0.0))), vec4(kMaxSplatAlpha));
   alpha = mix(vec4(0.0), alpha, greaterThanEqual(alpha, vec4(kMinSplatAlpha)));
   live = mix(live, vec4(0.0), lessThan(transmittance * (1.0 - alpha), vec4(kMinTransmittance)));
   return alpha * live;

@@ -42,10 +42,11 @@ void ImageLoss::compare(int width, int height, const gpu::Buffer& image, const g
     sums_ = gpu::Buffer(device_, 4 * std::uint64_t{shader::kLossSums} * push.height);
   }
   gpu::Batch batch(device_);
-  rows_(batch, {push.width, push.height, 3}, push, {&image, &color, &moments_});
-  structure_kernel_(batch, {push.width, push.height, 3}, push, {&moments_, &maps_, &structure_});
-  maps_kernel_(batch, {push.width, push.height, 3}, push, {&maps_, &blurred_});
-  gradient_(batch, {push.width, push.height, 1}, push, {&image, &color, &depth, &blurred_, &gradients_});
+  const std::uint32_t columns = (push.width + 3) / 4, rows = (push.height + 3) / 4;  // of four pixels
+  rows_(batch, {columns, push.height, 3}, push, {&image, &color, &moments_});
+  structure_kernel_(batch, {push.width, rows, 3}, push, {&moments_, &maps_, &structure_});
+  maps_kernel_(batch, {columns, push.height, 3}, push, {&maps_, &blurred_});
+  gradient_(batch, {push.width, rows, 1}, push, {&image, &color, &depth, &blurred_, &gradients_});
   sums_kernel_(batch, {push.height, 1, 1}, push, {&image, &color, &depth, &structure_, &gradients_, &sums_});
   batch.submit();
 }

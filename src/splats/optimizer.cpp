@@ -32,8 +32,7 @@ SplatOptimizer::SplatOptimizer(gpu::Device& device, SplatModel model)
 void SplatOptimizer::step(const SplatRasterizer& rasterizer, const SplatRates& rates) {
   ++steps_;
   gpu::Batch batch(device_);
-  shader::SplatAdamPush push{.count = rasterizer.visible(),
-                             .stride = model_.count,
+  shader::SplatAdamPush push{.count = model_.count,
                              .position = rates.position,
                              .scale = rates.scale,
                              .rotation = rates.rotation,
@@ -42,12 +41,12 @@ void SplatOptimizer::step(const SplatRasterizer& rasterizer, const SplatRates& r
                              .correction1 = static_cast<float>(1 - std::pow(kBeta1, steps_)),
                              .correction2 = static_cast<float>(1 - std::pow(kBeta2, steps_))};
   adam_(batch, {push.count, shader::kSplatPlanes, 1}, push,
-        {&rasterizer.order(), &rasterizer.gradients(), &model_.core, &core_.mean, &core_.square});
+        {&rasterizer.ranks(), &rasterizer.gradients(), &model_.core, &core_.mean, &core_.square});
   push.position = push.scale = push.rotation = push.opacity = push.color = rates.harmonics;
   const auto planes = static_cast<std::uint32_t>(3 * harmonics_per_splat(static_cast<int>(model_.degree)));
   adam_(
       batch, {push.count, planes, 1}, push,
-      {&rasterizer.order(), &rasterizer.harmonic_gradients(), &model_.harmonics, &harmonics_.mean, &harmonics_.square});
+      {&rasterizer.ranks(), &rasterizer.harmonic_gradients(), &model_.harmonics, &harmonics_.mean, &harmonics_.square});
   batch.submit();
 }
 

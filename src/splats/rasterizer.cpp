@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <bit>
+#include <stdexcept>
+#include <string>
 
 #include "spirv/splat_backward.comp.h"
 #include "spirv/splat_color.comp.h"
@@ -52,6 +54,7 @@ void SplatRasterizer::reserve_splats(const SplatModel& model) {
   projected_ = gpu::Buffer(device_, sizeof(shader::ProjectedSplat) * std::uint64_t{capacity_});
   tiles_of_ = words(device_, 2 * std::uint64_t{capacity_});
   offsets_ = words(device_, capacity_);
+  ranks_ = words(device_, capacity_);
   gradients_ = words(device_, std::uint64_t{shader::kSplatPlanes} * capacity_);
   reset_motion(capacity_);
 }
@@ -64,25 +67,35 @@ void SplatRasterizer::reset_motion(std::uint32_t count) {
   batch.run();
 }
 
+std::uint32_t SplatRasterizer::max_entries() const {
+  return static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(device_.max_binding() / (4 * std::uint64_t{shader::kSplatSlot}), device_.max_texels()));
+}
+
 void SplatRasterizer::reserve_entries(std::uint32_t entries) {
+  if (entries > max_entries())
+    throw std::runtime_error(std::to_string(visible_) + " splats cover " + std::to_string(entries) +
+                             " tiles of an image, and the device's limit is " + std::to_string(max_entries()) +
+                             ": use fewer SplatOptions::max_splats, or a smaller SplatOptions::resolution");
   sort_.reserve(entries);
   if (entry_capacity_ > 0 && entries <= entry_capacity_) return;
   device_.wait();
-  entry_capacity_ = entries + entries / 4 + 1;
+  entry_capacity_ = std::min(entries + entries / 4 + 1, max_entries());
   for (RadixSort::Pairs* pairs : {&entry_pairs_, &entry_scratch_})
     *pairs = {.keys = words(device_, entry_capacity_), .values = words(device_, entry_capacity_)};
   owners_ = words(device_, entry_capacity_);
   splats_ = words(device_, entry_capacity_);
-  slot_gradients_ = words(device_, std::uint64_t{shader::kSplatSlot} * entry_capacity_);
+  for (gpu::Buffer* slots : {&slot_shapes_, &slot_colors_})
+    *slots = words(device_, std::uint64_t{shader::kSplatSlot} * entry_capacity_);
 }
 
-shader::SplatViewPush SplatRasterizer::view_push(const SplatModel& model, std::uint32_t count) const {
+shader::SplatViewPush SplatRasterizer::view_push(const SplatModel& model) const {
   return {.camera = shader::pinhole(view_.camera),
           .camera_from_world = shader::rigid(view_.world_from_camera.inverse()),
-          .count = count,
-          .stride = model.count,
+          .count = model.count,
           .degree = model.degree,
-          .low_pass = view_.low_pass};
+          .low_pass = view_.low_pass,
+          .entries = entries_};
 }
 
 shader::SplatImagePush SplatRasterizer::image_push() const {
@@ -106,12 +119,12 @@ void SplatRasterizer::forward(const SplatModel& model, const SplatView& view) {
     ranges_ = words(device_, 2 * std::uint64_t{tiles_});
   }
   gpu::Batch batch(device_);
-  project_(batch, {model.count, 1, 1}, view_push(model, model.count),
+  project_(batch, {model.count, 1, 1}, view_push(model),
            {&model.core, &projected_, &tiles_of_, &pairs_.keys, &pairs_.values});
   sort_.sort(batch, pairs_, scratch_, model.count, kDepthBits);
   batch.fill(visible_count_, 0);
   count_(batch, {model.count, 1, 1}, {.count = model.count, .columns = columns_},
-         {&pairs_.keys, &pairs_.values, &tiles_of_, &offsets_, &visible_count_});
+         {&pairs_.keys, &pairs_.values, &tiles_of_, &offsets_, &visible_count_, &projected_, &ranks_});
   std::vector<std::uint32_t> visible(1), entries(1);
   sort_.scan(batch, offsets_, model.count, entry_count_);
   batch.download(entry_count_, entries);
@@ -120,10 +133,10 @@ void SplatRasterizer::forward(const SplatModel& model, const SplatView& view) {
   visible_ = visible[0];
   entries_ = entries[0];
   reserve_entries(entries_);
-  color_(batch, {visible_, 1, 1}, view_push(model, visible_),
-         {&pairs_.values, &model.core, &model.harmonics, &projected_});
-  list_entries_(batch, {visible_, 1, 1}, {.count = visible_, .columns = columns_},
-                {&pairs_.values, &tiles_of_, &offsets_, &entry_pairs_.keys, &entry_pairs_.values, &owners_});
+  color_(batch, {model.count, 1, 1}, view_push(model), {&ranks_, &model.core, &model.harmonics, &projected_});
+  list_entries_(
+      batch, {visible_, 1, 1}, {.count = visible_, .columns = columns_},
+      {&pairs_.values, &tiles_of_, &offsets_, &entry_pairs_.keys, &entry_pairs_.values, &owners_, &projected_});
   sort_.sort(batch, entry_pairs_, entry_scratch_, entries_, static_cast<std::uint32_t>(std::bit_width(tiles_ - 1)));
   batch.fill(ranges_, 0);
   ranges_kernel_(batch, {entries_, 1, 1}, {.count = entries_, .columns = columns_},
@@ -135,12 +148,13 @@ void SplatRasterizer::forward(const SplatModel& model, const SplatView& view) {
 void SplatRasterizer::backward(const SplatModel& model, const gpu::Buffer& pixels) {
   gpu::Batch batch(device_);
   // Slots behind a tile's last effective splat have no gradient.
-  batch.fill(slot_gradients_, 0, 0, 4 * std::max<std::uint64_t>(1, std::uint64_t{shader::kSplatSlot} * entries_));
+  for (const gpu::Buffer* slots : {&slot_shapes_, &slot_colors_})
+    batch.fill(*slots, 0, 0, 4 * std::max<std::uint64_t>(1, std::uint64_t{shader::kSplatSlot} * entries_));
   backward_(batch, {tiles_, 1, 1}, image_push(),
-            {&projected_, &splats_, &entry_pairs_.values, &ranges_, &image_, &pixels, &slot_gradients_});
-  gradient_(batch, {visible_, 1, 1}, view_push(model, visible_),
-            {&pairs_.values, &model.core, &model.harmonics, &projected_, &tiles_of_, &offsets_, &slot_gradients_,
-             &gradients_, &harmonic_gradients_, &motion_});
+            {&projected_, &splats_, &entry_pairs_.values, &ranges_, &image_, &pixels, &slot_shapes_, &slot_colors_});
+  gradient_(batch, {model.count, 1, 1}, view_push(model),
+            {&ranks_, &model.core, &model.harmonics, &projected_, &offsets_, &slot_shapes_, &slot_colors_, &gradients_,
+             &harmonic_gradients_, &motion_});
   batch.submit();
 }
 

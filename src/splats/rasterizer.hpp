@@ -32,7 +32,8 @@ class SplatRasterizer {
  public:
   explicit SplatRasterizer(gpu::Device& device);
 
-  /// Renders a view. The image and the lists of visible splats stay on the device until the next call.
+  /// Renders a view. The image and the lists of visible splats stay on the device until the next call. Throws
+  /// std::runtime_error for more entries than max_entries().
   void forward(const SplatModel& model, const SplatView& view);
   /// Gradients of the last view's parameters. `pixels`: gradients of its image, in planes as image().
   void backward(const SplatModel& model, const gpu::Buffer& pixels);
@@ -40,9 +41,12 @@ class SplatRasterizer {
   [[nodiscard]] const gpu::Buffer& image() const { return image_; }  // shader::kSplatImages planes
   [[nodiscard]] SplatImage download_image();
 
-  [[nodiscard]] std::uint32_t visible() const { return visible_; }          // splats in the last view
-  [[nodiscard]] const gpu::Buffer& order() const { return pairs_.values; }  // splat of each rank, nearest first
-  /// Gradients by rank: planes of the model, with its stride.
+  [[nodiscard]] std::uint32_t visible() const { return visible_; }  // splats in the last view
+  [[nodiscard]] std::uint32_t entries() const { return entries_; }  // of all its tiles
+  [[nodiscard]] std::uint32_t max_entries() const;                  // limit of the device
+  /// By splat: its rank by depth in the last view; shader::kNoSplatRank if it is not visible.
+  [[nodiscard]] const gpu::Buffer& ranks() const { return ranks_; }
+  /// Gradients in the planes of the model, of visible splats only.
   [[nodiscard]] const gpu::Buffer& gradients() const { return gradients_; }
   [[nodiscard]] const gpu::Buffer& harmonic_gradients() const { return harmonic_gradients_; }
   /// By splat: sum over views of the length of its gradient in the image, per image size, and the number of views.
@@ -53,7 +57,7 @@ class SplatRasterizer {
  private:
   void reserve_splats(const SplatModel& model);
   void reserve_entries(std::uint32_t entries);
-  [[nodiscard]] shader::SplatViewPush view_push(const SplatModel& model, std::uint32_t count) const;
+  [[nodiscard]] shader::SplatViewPush view_push(const SplatModel& model) const;
   [[nodiscard]] shader::SplatImagePush image_push() const;
 
   gpu::Device& device_;
@@ -67,8 +71,8 @@ class SplatRasterizer {
   std::uint32_t visible_ = 0, entries_ = 0;
   RadixSort::Pairs pairs_, scratch_;              // depth key and splat
   RadixSort::Pairs entry_pairs_, entry_scratch_;  // tile and slot
-  gpu::Buffer projected_, tiles_of_, offsets_, visible_count_, entry_count_;
-  gpu::Buffer owners_, splats_, slot_gradients_;  // by slot, by entry, by slot
+  gpu::Buffer projected_, ranks_, tiles_of_, offsets_, visible_count_, entry_count_;
+  gpu::Buffer owners_, splats_, slot_shapes_, slot_colors_;  // by slot, by entry, gradients by slot
   gpu::Buffer ranges_, image_;
   gpu::Buffer gradients_, harmonic_gradients_, motion_;
 };

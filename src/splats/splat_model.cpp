@@ -38,7 +38,7 @@ using Scalar = Eigen::Matrix<float, 1, 1>;
 
 std::size_t max_splats(const gpu::Device& device, int degree) {
   const std::size_t planes = std::max<std::size_t>(shader::kSplatPlanes, 3 * harmonics_per_splat(degree));
-  return std::min(device.max_binding() / sizeof(float) / planes, device.max_texels() / 5);
+  return std::min(device.max_binding() / sizeof(float), device.max_texels()) / planes;
 }
 
 SplatModel upload(gpu::Device& device, const Splats& splats) {

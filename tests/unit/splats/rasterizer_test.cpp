@@ -124,7 +124,7 @@ TEST(SplatRasterizer, GradientsAgreeWithFiniteDifferences) {
     const SplatModel model = upload(device, splats);
     const gpu::Buffer of_pixels(device, 4 * weights.size());
     std::vector<float> core(shader::kSplatPlanes * kSplats), harmonics(45 * kSplats);
-    std::vector<std::uint32_t> order(kSplats);
+    std::vector<std::uint32_t> ranks(kSplats);
     gpu::Batch batch(device);
     batch.upload(of_pixels, weights);
     batch.run();
@@ -132,14 +132,14 @@ TEST(SplatRasterizer, GradientsAgreeWithFiniteDifferences) {
     rasterizer.backward(model, of_pixels);
     batch.download(rasterizer.gradients(), core);
     batch.download(rasterizer.harmonic_gradients(), harmonics);
-    batch.download(rasterizer.order(), order);
+    batch.download(rasterizer.ranks(), ranks);
     batch.run();
     std::vector<twin::SplatParameters> parameters = twin::parameters_of(splats);
-    for (std::size_t rank = 0; rank < rasterizer.visible(); ++rank)
-      for (std::size_t g = 0; g < kGroups.size(); ++g) {
+    for (std::size_t i = 0; i < kSplats; ++i)
+      for (std::size_t g = 0; g < kGroups.size() && ranks[i] != shader::kNoSplatRank; ++g) {
         double error = 0, size = 0;
         for (std::size_t k = kGroups[g].first; k < kGroups[g].first + kGroups[g].count; ++k) {
-          double& parameter = parameters[order[rank]][k];
+          double& parameter = parameters[i][k];
           const double value = parameter;
           parameter = value + kStep;
           const double above = objective(parameters);
@@ -147,8 +147,7 @@ TEST(SplatRasterizer, GradientsAgreeWithFiniteDifferences) {
           const double below = objective(parameters);
           parameter = value;
           const double numeric = (above - below) / (2 * kStep);
-          const auto analytic =
-              static_cast<double>(k < 14 ? core[k * kSplats + rank] : harmonics[(k - 14) * kSplats + rank]);
+          const auto analytic = static_cast<double>(k < 14 ? core[k * kSplats + i] : harmonics[(k - 14) * kSplats + i]);
           error += (analytic - numeric) * (analytic - numeric);
           size += numeric * numeric;
         }
@@ -179,12 +178,13 @@ TEST(SplatRasterizer, GradientsHaveTheSameBytesTwice) {
     rasterizer.forward(model, view);
     rasterizer.backward(model, of_pixels);
     std::vector<float> planes(std::size_t{shader::kSplatPlanes} * model.count);
+    std::vector<std::uint32_t> ranks(model.count);
     batch.download(rasterizer.gradients(), planes);
+    batch.download(rasterizer.ranks(), ranks);
     batch.run();
     std::vector<float> visible;
-    for (std::size_t plane = 0; plane < shader::kSplatPlanes; ++plane)
-      visible.insert(visible.end(), planes.begin() + static_cast<std::ptrdiff_t>(plane * model.count),
-                     planes.begin() + static_cast<std::ptrdiff_t>(plane * model.count + rasterizer.visible()));
+    for (std::size_t k = 0; k < planes.size(); ++k)
+      if (ranks[k % model.count] != shader::kNoSplatRank) visible.push_back(planes[k]);
     return visible;
   };
   const std::vector<float> first = gradients();
