@@ -9,7 +9,11 @@ namespace cairn::apps {
 
 /// Fields of a comparison of rendered views, as `evaluate views` and `splat` print them.
 inline nlohmann::json view_error_json(const ViewError& e) {
-  return {{"psnr_db", e.psnr}, {"psnr_with_gain_db", e.psnr_with_gain}, {"covered", e.covered}, {"frames", e.frames}};
+  return {{"psnr_db", e.psnr},
+          {"psnr_with_gain_db", e.psnr_with_gain},
+          {"covered", e.covered},
+          {"depth_rmse_m", e.depth_rmse},
+          {"frames", e.frames}};
 }
 
 }  // namespace cairn::apps

@@ -109,6 +109,8 @@ void add_results(py::module_& m) {
       .def_readonly("psnr_with_gain", &ViewError::psnr_with_gain, "The same after a gain per image and channel, dB.")
       .def_readonly("covered", &ViewError::covered,
                     "Fraction of the depth pixels within 5 cm of the mesh; only these are compared.")
+      .def_readonly("depth_rmse", &ViewError::depth_rmse,
+                    "From the measured depth to the rendered surface, where within 10 cm; meters.")
       .def_readonly("frames", &ViewError::frames)
       .def("__repr__", [](const ViewError& e) {
         return repr("ViewError", {{"psnr", e.psnr}, {"covered", e.covered}, {"frames", e.frames}});

@@ -11,7 +11,8 @@
 namespace cairn {
 namespace {
 
-constexpr float kMaxDepthDifference = 0.05f;  // meters between surface and measurement
+constexpr float kMaxDepthDifference = 0.05f;  // meters between surface and measurement, to compare colors
+constexpr float kMaxDepthError = 0.1f;        // meters: beyond this distance, another surface
 
 /// Undistorts a frame: nearest depth, interpolated color.
 Frame rectified(const Frame& frame, const Camera& camera) {
@@ -139,7 +140,11 @@ void ViewComparison::compare_color(Frame frame, const Eigen::Isometry3d& world_f
     const auto at = rows.at_image_time(p, z);
     if (!at) continue;
     const float rendered = view.depth[nearest(camera, at->head<2>())];
-    if (rendered == 0 || std::abs(rendered - static_cast<float>(at->z())) > kMaxDepthDifference) continue;
+    const float depth_error = rendered - static_cast<float>(at->z());
+    if (rendered == 0 || std::abs(depth_error) > kMaxDepthError) continue;
+    ++depths_;
+    depth_squared_ += static_cast<double>(depth_error * depth_error);
+    if (std::abs(depth_error) > kMaxDepthDifference) continue;
     ++compared_;
     const Eigen::Array3d drawn = color_at(view.color, camera, at->head<2>()).array(), seen = channels(frame.color[p]);
     drawn_drawn += drawn.square(), drawn_seen += drawn * seen, seen_seen += seen.square();
@@ -157,23 +162,32 @@ double ViewComparison::covered() const {
   return measured_ == 0 ? 0 : static_cast<double>(compared_) / static_cast<double>(measured_);
 }
 
+double ViewComparison::depth_rmse() const {
+  return depths_ == 0 ? 0 : std::sqrt(depth_squared_ / static_cast<double>(depths_));
+}
+
+ViewError ViewComparison::error(int frames) const {
+  return {.psnr = psnr(),
+          .psnr_with_gain = psnr_with_gain(),
+          .covered = covered(),
+          .depth_rmse = depth_rmse(),
+          .frames = frames};
+}
+
 ViewError compare_views(ViewComparison& views, Source& recording, const Eigen::Isometry3d& world_from_recording,
                         int step) {
-  ViewError error;
+  int frames = 0;
   for (int i = 0; auto frame = recording.next(); ++i) {
     if (i % step != 0 || !frame->world_from_camera || frame->color.empty() || frame->problem) continue;
     const Eigen::Isometry3d pose = world_from_recording * *frame->world_from_camera;
     views.compare_color(std::move(*frame), pose, Vector6d::Zero(), 0);
-    ++error.frames;
+    ++frames;
   }
   if (!views.has_compared())
     throw std::runtime_error(
         "no image of the recording shows the mesh: the recording needs color images with poses in the "
         "mesh's frame");
-  error.psnr = views.psnr();
-  error.psnr_with_gain = views.psnr_with_gain();
-  error.covered = views.covered();
-  return error;
+  return views.error(frames);
 }
 
 ViewError evaluate_views(const std::vector<Mesh>& parts, Source& recording,

@@ -36,6 +36,10 @@ class ViewComparison {
   [[nodiscard]] double psnr_with_gain() const { return psnr(squared_with_gain_); }
   /// Share of the measured pixels that were compared.
   [[nodiscard]] double covered() const;
+  /// Meters along z, where measured and rendered depth are within 10 cm; 0 without any.
+  [[nodiscard]] double depth_rmse() const;
+  /// All errors, over `frames` images.
+  [[nodiscard]] ViewError error(int frames) const;
   [[nodiscard]] bool has_compared() const { return compared_ > 0; }
 
  private:
@@ -46,6 +50,8 @@ class ViewComparison {
   ColorView in_color_;
   double squared_ = 0, squared_with_gain_ = 0;
   std::size_t compared_ = 0, measured_ = 0;
+  double depth_squared_ = 0;
+  std::size_t depths_ = 0;
 };
 
 /// Compares every `step`-th frame with a color image and a pose, see evaluate_views.

@@ -94,7 +94,8 @@ struct ViewError {
   double psnr = 0;  ///< dB over all compared pixels and channels
   /// dB after a gain per image and channel, since a map has a single exposure and the images have their own.
   double psnr_with_gain = 0;
-  double covered = 0;  ///< fraction of depth pixels with the mesh within 5 cm; only these are compared
+  double covered = 0;     ///< fraction of depth pixels with the mesh within 5 cm; only these are compared
+  double depth_rmse = 0;  ///< meters along z from the measured depth to the rendered surface, where within 10 cm
   int frames = 0;
 };
 /// Renders the mesh at every `step`-th frame's pose. `world_from_recording` maps the recording's poses
