@@ -50,6 +50,8 @@ void add_report(py::module_& m) {
       .def_readonly("images", &SplatReport::images, "Number of training images.")
       .def_readonly("psnr", &SplatReport::psnr, "dB, over recent training images at their size.")
       .def_readonly("seconds", &SplatReport::seconds, "Of training.")
+      .def_readonly("memory", &SplatReport::memory, "Bytes, estimated: of host and device together.")
+      .def_readonly("problem", &SplatReport::problem, "Reason why held-out images could not be compared, or empty.")
       .def_readonly("held_out", &SplatReport::held_out, "ViewError of the splats against held-out images, or None.")
       .def_readonly("mesh", &SplatReport::mesh, "ViewError of the mesh against the same images, or None.")
       .def("__repr__", [](const SplatReport& r) {
@@ -111,7 +113,7 @@ Reads a .ply or .spz file.)")
           py::arg("file"), R"(write(self, file)
 --
 
-Writes a .spz, or a .ply without quantization. Atomic.)")
+Writes a .spz, or without quantization a .ply or .glb. Atomic.)")
       .def("__len__", &Splats::size)
       .def("__repr__", [](const Splats& s) {
         return repr("Splats", {{"splats", s.size()}, {"degree", s.degree}});

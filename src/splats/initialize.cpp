@@ -37,13 +37,6 @@ void append(Splats& splats, const Eigen::Vector3f& position, const Eigen::Vector
   splats.harmonics.resize(splats.size() * harmonics_per_splat(splats.degree), Eigen::Vector3f::Zero());
 }
 
-std::vector<Eigen::Isometry3f> camera_from_world(const std::vector<TrainingView>& views) {
-  std::vector<Eigen::Isometry3f> poses;
-  poses.reserve(views.size());
-  for (const TrainingView& view : views) poses.emplace_back(view.world_from_camera.inverse().cast<float>());
-  return poses;
-}
-
 /// Meters per pixel of the closest view of each triangle.
 std::vector<float> footprints_of(const Mesh& mesh, const std::vector<TrainingView>& views,
                                  const std::vector<Eigen::Isometry3f>& poses) {
@@ -66,20 +59,24 @@ std::vector<float> footprints_of(const Mesh& mesh, const std::vector<TrainingVie
   return footprints;
 }
 
-/// Color of the closest view that sees the point.
-std::optional<Eigen::Vector3f> best_color(const std::vector<TrainingView>& views,
+/// Mean color of the views that see the point, weighted by the pixels per area
+/// of surface.
+std::optional<Eigen::Vector3f> mean_color(const std::vector<TrainingView>& views,
                                           const std::vector<Eigen::Isometry3f>& poses, const Eigen::Vector3f& point) {
-  std::optional<Eigen::Vector3f> color;
-  double best = std::numeric_limits<double>::infinity();
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  float weights = 0;
   for (std::size_t v = 0; v < views.size(); ++v)
-    if (const auto seen = seen_in(views[v], poses[v], point); seen && seen->footprint < best) {
-      best = seen->footprint;
-      color = color_at(views[v], seen->pixel);
+    if (const auto seen = seen_in(views[v], poses[v], point)) {
+      const auto weight = static_cast<float>(1 / (seen->footprint * seen->footprint));
+      sum += weight * color_at(views[v], seen->pixel);
+      weights += weight;
     }
-  return color;
+  if (weights == 0) return std::nullopt;
+  return sum / weights;
 }
 
-/// Depth by cell of a view: the mean of its surface, or that of the nearest cell with a surface; empty without any.
+/// Depth by cell of a view: the mean of its surface, or that of the nearest
+/// cell with a surface; empty without any.
 std::vector<float> cell_depths(const TrainingView& view, int columns, int rows) {
   const auto cells = static_cast<std::size_t>(columns * rows);
   std::vector<float> depths(cells, 0.0f);
@@ -151,7 +148,7 @@ Splats surfels_of(const Mesh& mesh, const std::vector<TrainingView>& views, std:
     s.position = mix(mesh.positions);
     s.normal = mix(mesh.normals).normalized();
     s.spacing = spacing_px * footprints[triangle];
-    const auto color = best_color(views, poses, s.position);
+    const auto color = mean_color(views, poses, s.position);
     const auto& vertex = mesh.colors.empty() ? std::array<std::uint8_t, 4>{128, 128, 128, 255} : mesh.colors[t[0]];
     s.color = color ? *color : Eigen::Vector3f(vertex[0], vertex[1], vertex[2]) / 255.0f;
   });

@@ -13,8 +13,8 @@ namespace cairn {
 
 /// Step sizes of Adam.
 struct SplatRates {
-  float position = 1e-4f;  // meters
-  float scale = 5e-3f, rotation = 1e-3f, opacity = 2.5e-2f, color = 2.5e-3f, harmonics = 1.25e-4f;
+  float position = 4e-4f;  // meters
+  float scale = 5e-3f, rotation = 1e-3f, opacity = 5e-2f, color = 5e-3f, harmonics = 2.5e-4f;
 };
 
 /// Adam (Kingma & Ba 2015) on the parameters of the visible splats.

@@ -7,22 +7,24 @@
 #include <stdexcept>
 #include <utility>
 
+#include "base/memory.hpp"
 #include "cairn/mapping/splat_training.hpp"
 #include "eval/view_comparison.hpp"
 #include "export/check_range.hpp"
 #include "export/image_rectifier.hpp"
 #include "export/map_contents.hpp"
+#include "splats/exposure.hpp"
 #include "splats/initialize.hpp"
 #include "splats/posed_frames.hpp"
 #include "splats/splat_renderer.hpp"
 #include "splats/trainer.hpp"
+#include "splats/training_memory.hpp"
 
 namespace cairn {
 namespace {
 
 constexpr double kSurfelShare = 0.6;          // of the maximum count; the rest is for background and refinement
 constexpr double kRecentShare = 0.05;         // weight of the newest image in the reported error
-constexpr float kLowPass = 0.3f;              // pixels^2 at full size, as in viewers
 constexpr std::size_t kMaxInitialViews = 50;  // for colors and background of the first splats
 constexpr std::size_t kMaxCompared = 100;     // held-out images
 
@@ -38,16 +40,6 @@ SplitKeyframes split_keyframes(const std::vector<TextureKeyframe>& keyframes, in
     (is_held_out ? split.held_out : split.training).push_back(keyframes[k]);
   }
   return split;
-}
-
-Camera scaled(const Camera& camera, float scale) {
-  Camera c = camera;
-  c.width = std::max(16, static_cast<int>(std::lround(static_cast<double>(scale) * camera.width)));
-  c.height = std::max(16, static_cast<int>(std::lround(static_cast<double>(scale) * camera.height)));
-  const double x = static_cast<double>(c.width) / camera.width, y = static_cast<double>(c.height) / camera.height;
-  c.fx *= x, c.fy *= y;
-  c.cx = (camera.cx + 0.5) * x - 0.5, c.cy = (camera.cy + 0.5) * y - 0.5;
-  return c;
 }
 
 /// Rectified image at the size of `camera`, with the depth of the mesh.
@@ -81,10 +73,6 @@ struct Comparisons {
     splats.compare_color(std::move(frame), pose, k.velocity, k.color_delay);
     ++frames;
   }
-  [[nodiscard]] ViewError error_of(const ViewComparison& views) const {
-    return {
-        .psnr = views.psnr(), .psnr_with_gain = views.psnr_with_gain(), .covered = views.covered(), .frames = frames};
-  }
 };
 
 double psnr_of(double squared) { return squared > 0 ? -10 * std::log10(squared) : 0; }
@@ -100,66 +88,79 @@ class Training {
         device_(MapAccess::contents(map).device()),
         input_(MapAccess::contents(map).views()),
         keyframes_(split_keyframes(input_.keyframes, options.hold_out)),
-        surface_{map.mesh()} {}
+        surface_{map.mesh()},
+        max_count_(std::min(options.max_splats, max_splats(device_, options.degree))) {}
 
   [[nodiscard]] TrainedSplats run() {
-    const std::vector<TrainingView> views = open_ ? load_recording() : load_keyframes();
-    SplatTrainer trainer(device_, initial_splats(subset(views, kMaxInitialViews)), views,
-                         {.iterations = options_.iterations,
-                          .max_splats = options_.max_splats,
-                          .low_pass = kLowPass * options_.resolution * options_.resolution});
+    std::vector<TrainingView> views = open_ ? load_recording() : load_keyframes();
+    estimate_gains(views, surface_.front());
+    SplatTrainer trainer(
+        device_, initial_splats(subset(views, kMaxInitialViews)), views,
+        {.iterations = options_.iterations, .max_splats = max_count_, .resolution = options_.resolution});
     TrainedSplats trained;
+    trained.report.memory = memory_.total();
     trained.report.images = static_cast<int>(views.size());
     train(trainer, trained.report);
     trained.splats = trainer.splats();
-    compare_held_out(trained);
+    try {
+      compare_held_out(trained);
+    } catch (const std::exception& error) {  // the splats are kept
+      trained.report.problem = error.what();
+    }
     return trained;
   }
 
  private:
   [[nodiscard]] std::vector<TrainingView> load_keyframes() {
     const ImageRectifier rectified(input_.rig);
-    const Camera camera = scaled(rectified.camera(), options_.resolution);
+    const Camera camera = scaled(rectified.camera(), static_cast<double>(options_.resolution));
     std::vector<TrainingView> views;
+    plan_memory(keyframes_.training.size(), camera);
     for (const TextureKeyframe& k : keyframes_.training) {
       Frame frame = input_.get_image(k.image);
       if (frame.color.empty()) continue;
       views.push_back(
           training_view(rectified(std::move(frame), input_.world_from_map, k), rectified.camera(), camera, surface_));
-      if (!keep_going({})) break;
+      if (!keep_going({.memory = memory_.total()})) break;
     }
     if (views.empty()) throw std::runtime_error("the map has no keyframes with color to train splats from");
     return views;
   }
 
+  void plan_memory(std::size_t images, const Camera& camera) {
+    memory_ = training_memory(images, camera, max_count_, options_.degree);
+    expect_enough(memory_, available_memory());
+  }
+
   [[nodiscard]] std::vector<TrainingView> load_recording() {
     const ImageRectifier rectified(input_.rig);
-    const Camera camera = scaled(rectified.camera(), options_.resolution);
+    const Camera camera = scaled(rectified.camera(), static_cast<double>(options_.resolution));
     PosedFrames frames(map_, input_, open_(), options_.hold_out);
     std::vector<TrainingView> views;
+    plan_memory(std::min(frames.size(), static_cast<std::size_t>(options_.images)), camera);
     visit_sharpest(frames, static_cast<std::size_t>(options_.images), [&](PosedFrame posed) {
       views.push_back(training_view(rectified(std::move(posed.frame), Eigen::Isometry3d::Identity(), posed.keyframe),
                                     rectified.camera(), camera, surface_));
-      return keep_going({});
+      return keep_going({.memory = memory_.total()});
     });
     if (views.empty())
       throw std::runtime_error(
-          "no color image of the recording has the time of a pose of the map: give the recording of the map");
+          "no color image of the recording has the time of a pose of the map: "
+          "give the recording of the map");
     return views;
   }
 
   [[nodiscard]] Splats initial_splats(const std::vector<TrainingView>& views) {
-    const std::size_t max_count = std::min(options_.max_splats, max_splats(device_, options_.degree));
     Splats splats =
-        surfels_of(surface_.front(), views, static_cast<std::size_t>(kSurfelShare * static_cast<double>(max_count)),
+        surfels_of(surface_.front(), views, static_cast<std::size_t>(kSurfelShare * static_cast<double>(max_count_)),
                    options_.degree);
     if (splats.size() == 0) throw std::runtime_error("the map has no surface in its keyframes to train splats from");
     SplatRasterizer rasterizer(device_);
     for (const TrainingView& view : views) {
-      if (!has_background(view) || splats.size() >= max_count) continue;
+      if (!has_background(view) || splats.size() >= max_count_) continue;
       rasterizer.forward(upload(device_, splats), {.camera = view.camera, .world_from_camera = view.world_from_camera});
       append_background(splats, view, rasterizer.download_image());
-      if (!keep_going({.splats = splats.size()})) break;
+      if (!keep_going({.splats = splats.size(), .memory = memory_.total()})) break;
     }
     return splats;
   }
@@ -168,7 +169,8 @@ class Training {
     const auto start = std::chrono::steady_clock::now();
     double recent = 0;
     while (report.iterations < options_.iterations) {
-      const double squared = trainer.step().squared;
+      const double share = options_.max_seconds > 0 ? report.seconds / options_.max_seconds : 0;
+      const double squared = trainer.step(share).squared;
       ++report.iterations;
       const double weight = std::max(kRecentShare, 1.0 / report.iterations);
       recent += weight * (squared - recent);
@@ -197,8 +199,8 @@ class Training {
     else
       compare_keyframes(comparisons);
     if (comparisons.frames == 0) return;
-    trained.report.held_out = comparisons.error_of(of_splats);
-    if (!parts.empty()) trained.report.mesh = comparisons.error_of(of_mesh);
+    trained.report.held_out = of_splats.error(comparisons.frames);
+    if (!parts.empty()) trained.report.mesh = of_mesh.error(comparisons.frames);
   }
 
   void compare_keyframes(Comparisons& comparisons) const {
@@ -228,6 +230,8 @@ class Training {
   ViewsInput input_;
   SplitKeyframes keyframes_;
   std::vector<Mesh> surface_;
+  std::size_t max_count_;  // splats
+  TrainingMemory memory_;
   bool is_stopped_ = false;  // by on_step_
 };
 

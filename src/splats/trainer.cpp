@@ -11,13 +11,17 @@ namespace cairn {
 namespace {
 
 constexpr float kExposureRate = 5e-3f;
-constexpr double kFinalPositionRate = 0.01;              // relative to the first
-constexpr double kDensifyEnd = 0.6;                      // share of the steps
-constexpr float kMinMotion = 2e-4f;                      // gradient per image size at which a splat is split
-constexpr float kMaxGrowth = 0.05f;                      // share of splats split at once
-constexpr float kMinOpacity = 0.01f;                     // less is removed
-constexpr float kMaxSplatSize = 0.5f;                    // meters, standard deviation
-constexpr float kSplitShift = 0.5f, kSplitScale = 0.6f;  // in standard deviations along the longest axis
+constexpr double kFinalPositionRate = 0.01;  // relative to the first
+constexpr double kFirstColorRate = 4;        // relative to the last
+constexpr double kSmallImages = 0.3;         // share of the training with the images of a smaller level
+constexpr double kDensifyEnd = 0.6;          // share of the training
+constexpr float kMinMotion = 2e-4f;          // gradient per image size at which a splat is split
+constexpr float kMaxGrowth = 0.05f;          // share of splats split at once
+constexpr double kMaxEntryGrowth = 1.25;     // of an image's entries until the next densification
+constexpr float kMinOpacity = 0.01f;         // less is removed
+constexpr float kMaxSplatSize = 0.5f;        // meters, standard deviation
+constexpr float kSplitShift = 0.5f,
+                kSplitScale = 0.6f;  // in standard deviations along the longest axis
 
 float opacity_of(float logit) { return 1 / (1 + std::exp(-logit)); }
 
@@ -69,14 +73,37 @@ SplatTrainer::SplatTrainer(gpu::Device& device, Splats splats, const std::vector
       optimizer_(device, upload(device, splats)) {
   for (const TrainingView& v : views) {
     View& view = views_.emplace_back();
-    view.view = {.camera = v.camera, .world_from_camera = v.world_from_camera, .low_pass = options.low_pass};
-    view.color = gpu::Buffer(device, sizeof(std::uint32_t) * v.color.size());
-    view.depth = gpu::Buffer(device, sizeof(float) * v.depth.size());
-    gpu::Batch batch(device);
-    batch.upload(view.color, v.color);
-    batch.upload(view.depth, v.depth);
-    batch.run();
+    TrainingView smaller = v;
+    for (int level = 0; level < options_.levels; ++level) {
+      if (level > 0) smaller = halved(smaller);
+      view.images.push_back(upload_image(smaller, level));
+    }
+    view.exposure.head<3>() = v.gain.array().log();
   }
+}
+
+SplatTrainer::Image SplatTrainer::upload_image(const TrainingView& view, int level) const {
+  // A pixel averages a box of the compared image, whose variance the low pass
+  // adds, with the low pass of viewers.
+  constexpr double kViewersLowPass = 0.3;  // pixels^2 of the compared image
+  const double size = std::ldexp(static_cast<double>(options_.resolution), -level), squared = size * size;
+  Image image{.view = {.camera = view.camera,
+                       .world_from_camera = view.world_from_camera,
+                       .low_pass = static_cast<float>(kViewersLowPass * squared + (1 - squared) / 12)},
+              .color = gpu::Buffer(device_, sizeof(std::uint32_t) * view.color.size()),
+              .depth = gpu::Buffer(device_, sizeof(float) * view.depth.size())};
+  gpu::Batch batch(device_);
+  batch.upload(image.color, view.color);
+  batch.upload(image.depth, view.depth);
+  batch.run();
+  return image;
+}
+
+/// Level of the images: the smallest first.
+std::size_t SplatTrainer::level() const {
+  const double share = progress_ / kSmallImages;  // 1: the largest
+  const auto levels = static_cast<double>(options_.levels);
+  return static_cast<std::size_t>(std::max(0.0, levels - 1 - std::floor(share * (levels - 1))));
 }
 
 std::size_t SplatTrainer::next_view() {
@@ -95,7 +122,8 @@ Exposure SplatTrainer::exposure_of(const View& view) const {
   return {.gain = e.head<3>().array().exp(), .offset = e.tail<3>()};
 }
 
-/// Step of Adam. The mean over all images is kept at the identity, as the splats' colors absorb it.
+/// Step of Adam. The mean over all images is kept at the identity, as the
+/// splats' colors absorb it.
 void SplatTrainer::adapt_exposure(View& view, const Exposure& used, const Exposure& gradient) {
   Eigen::Matrix<float, 6, 1> g;
   g << gradient.gain.cwiseProduct(used.gain), gradient.offset;
@@ -113,23 +141,27 @@ void SplatTrainer::adapt_exposure(View& view, const Exposure& used, const Exposu
 
 SplatRates SplatTrainer::rates() const {
   SplatRates rates;
-  const double share = static_cast<double>(steps_) / std::max(1, options_.iterations);
-  rates.position *= static_cast<float>(std::pow(kFinalPositionRate, std::min(1.0, share)));
+  rates.position *= static_cast<float>(std::pow(kFinalPositionRate, progress_));
+  const auto color = static_cast<float>(std::pow(kFirstColorRate, 1 - progress_));
+  rates.color *= color, rates.harmonics *= color;
   return rates;
 }
 
-ImageError SplatTrainer::step() {
+ImageError SplatTrainer::step(double share) {
+  progress_ = std::min(1.0, std::max(share, static_cast<double>(steps_) / std::max(1, options_.iterations)));
   View& view = views_[next_view()];
+  const Image& image = view.images[level()];
   const Exposure exposure = exposure_of(view);
-  rasterizer_.forward(optimizer_.model(), view.view);
-  loss_.compare(view.view.camera.width, view.view.camera.height, rasterizer_.image(), view.color, view.depth, exposure,
-                {});
+  rasterizer_.forward(optimizer_.model(), image.view);
+  loss_.compare(image.view.camera.width, image.view.camera.height, rasterizer_.image(), image.color, image.depth,
+                exposure, {});
+  most_entries_ = std::max(most_entries_, rasterizer_.entries());
   rasterizer_.backward(optimizer_.model(), loss_.gradients());
   optimizer_.step(rasterizer_, rates());
   ImageError error = loss_.error();
   adapt_exposure(view, exposure, error.gradient);
   ++steps_;
-  if (steps_ % options_.densify_interval == 0 && steps_ < kDensifyEnd * options_.iterations) densify();
+  if (steps_ % options_.densify_interval == 0 && progress_ < kDensifyEnd) densify();
   return error;
 }
 
@@ -151,8 +183,15 @@ void SplatTrainer::densify() {
   }
   std::sort(candidates.begin(), candidates.end());
   const std::size_t room = options_.max_splats > left ? options_.max_splats - left : 0;
+  // Smaller images have fewer entries than the largest: four times as many at
+  // most.
+  const double reserve =
+      std::ldexp(static_cast<double>(most_entries_), 2 * static_cast<int>(level())) * kMaxEntryGrowth;
+  const bool is_full = reserve > static_cast<double>(rasterizer_.max_entries());
+  most_entries_ = 0;
   candidates.resize(
-      std::min({candidates.size(), room, static_cast<std::size_t>(kMaxGrowth * static_cast<float>(left))}));
+      is_full ? 0
+              : std::min({candidates.size(), room, static_cast<std::size_t>(kMaxGrowth * static_cast<float>(left))}));
   std::vector<bool> is_split(splats.size());
   for (const auto& [motion, i] : candidates) is_split[i] = true;
   Picked picked(splats);

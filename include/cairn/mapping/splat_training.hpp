@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "cairn/eval/evaluation.hpp"
 #include "cairn/mapping/map.hpp"
@@ -30,7 +32,8 @@ struct SplatProgress {
   int iteration = 0, iterations = 0;  ///< 0 during the preparation
   double psnr = 0;                    ///< dB, over recent training images at their size
   std::size_t splats = 0;
-  double seconds = 0;  ///< of training
+  double seconds = 0;        ///< of training
+  std::uint64_t memory = 0;  ///< bytes of the training, estimated; during the preparation
 };
 /// Called after the preparation of each image and after each step. Returns false to end the training, without a
 /// comparison.
@@ -40,8 +43,10 @@ struct SplatReport {
   int iterations = 0, images = 0;     ///< steps; training images
   double psnr = 0;                    ///< dB, over recent training images at their size
   double seconds = 0;                 ///< of training, without preparation and comparison
+  std::uint64_t memory = 0;           ///< bytes, estimated: of host and device together
   std::optional<ViewError> held_out;  ///< splats against at most 100 of the held-out images at full size
   std::optional<ViewError> mesh;      ///< mesh against the same
+  std::string problem;                ///< reason why the held-out images could not be compared; else empty
 };
 
 struct TrainedSplats {
@@ -54,8 +59,8 @@ using OpenRecording = std::function<std::unique_ptr<Source>()>;
 
 /// Trains splats from a map, starting at its surface: from the keyframes, or from the frames of its last recording that
 /// `open` returns: in intervals of equal view change, the sharpest. Results of the same device and number of steps are
-/// identical. Throws std::runtime_error for a map without keyframes, color or surface, and for a recording without
-/// frames of the map.
+/// identical. Throws std::runtime_error for a map without keyframes, color or surface, for a recording without frames
+/// of the map, and before the preparation if the free memory is too small.
 [[nodiscard]] TrainedSplats train_splats(Map& map, const SplatOptions& options = {}, const SplatStep& on_step = {},
                                          const OpenRecording& open = {});
 

@@ -5,11 +5,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "splats/exposure.hpp"
 #include "splats/initialize.hpp"
 #include "splats/splat_renderer.hpp"
+#include "splats/training_memory.hpp"
 #include "support/device.hpp"
+#include "support/files.hpp"
 
 namespace cairn {
 namespace {
@@ -54,6 +58,25 @@ Mesh wall_mesh() {
     mesh.normals.emplace_back(0, 0, -1);
   }
   mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
+  return mesh;
+}
+
+/// The wall as a grid of triangles.
+Mesh fine_wall_mesh() {
+  constexpr int kColumns = 40, kRows = 30;
+  Mesh mesh;
+  for (int row = 0; row <= kRows; ++row)
+    for (int column = 0; column <= kColumns; ++column) {
+      mesh.positions.emplace_back(4.0f * static_cast<float>(column) / kColumns - 2,
+                                  3.0f * static_cast<float>(row) / kRows - 1.5f, kWall);
+      mesh.normals.emplace_back(0, 0, -1);
+    }
+  for (int row = 0; row < kRows; ++row)
+    for (int column = 0; column < kColumns; ++column) {
+      const auto a = static_cast<std::uint32_t>(row * (kColumns + 1) + column), b = a + kColumns + 1;
+      mesh.triangles.push_back({a, b, a + 1});
+      mesh.triangles.push_back({a + 1, b, b + 1});
+    }
   return mesh;
 }
 
@@ -104,6 +127,43 @@ TEST(SplatInitialization, FillsImagesWithoutSurface) {
   append_background(splats, with_hole, image);
   EXPECT_EQ(splats.size(), 40 * 60 / 16);
   for (const Eigen::Vector3f& p : splats.positions) EXPECT_LT(p.x(), 0);
+}
+
+TEST(TrainingView, HalvedHasTheMeanColorsAtTheSamePlaces) {
+  TrainingView view{
+      .camera = {.width = 4, .height = 2, .fx = 5, .fy = 6, .cx = 1.2, .cy = 0.7}, .color = {}, .depth = {}};
+  view.color = {0xff000010u, 0xff000020u, 0xff0000ffu, 0xff0000ffu, 0xff000030u, 0xff000041u, 0xff00ff00u, 0xffff0000u};
+  view.depth = {1, 0, 0, 0, 2, 0, 0, 0};
+  const TrainingView half = halved(view);
+  EXPECT_EQ(half.color, (std::vector<std::uint32_t>{0xff000028u, 0xff404080u}));
+  EXPECT_EQ(half.depth, (std::vector<float>{1.5f, 0}));
+  const Eigen::Vector3d point(0.3, -0.1, 2);
+  const Eigen::Vector2d whole = view.camera.project(point), found = half.camera.project(point);
+  EXPECT_LT((2 * found + Eigen::Vector2d::Constant(0.5) - whole).norm(), 1e-9);
+}
+
+TEST(SplatExposure, FindsTheGainsOfTheImages) {
+  constexpr std::array kGains = {0.7f, 1.0f, 1.2f, 0.9f, 1.1f};
+  std::vector<TrainingView> from;
+  for (std::size_t k = 0; k < kGains.size(); ++k)
+    from.push_back(view_from(0.1 * static_cast<double>(k) - 0.2, kGains[k]));
+  estimate_gains(from, fine_wall_mesh());
+  Eigen::Array3f product = Eigen::Array3f::Ones();
+  for (std::size_t k = 0; k < kGains.size(); ++k) {
+    product *= from[k].gain.array();
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(from[k].gain[c] / from[1].gain[c], kGains[k], 0.02f);
+  }
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(product[c], 1, 1e-3f);
+}
+
+TEST(TrainingMemory, GrowsWithImagesAndSplatsAndNamesTheRemedy) {
+  const TrainingMemory small = training_memory(100, kCamera, 1000, 1), large = training_memory(1000, kCamera, 2000, 3);
+  EXPECT_EQ(large.images, 10 * small.images);
+  EXPECT_GT(large.splats, 2 * small.splats);
+  expect_enough(small, small.total());
+  expect_enough(small, 0);  // unknown
+  EXPECT_NE(error_of([&] { expect_enough(small, small.total() - 1); }).find("use fewer SplatOptions::"),
+            std::string::npos);
 }
 
 TEST(SplatTrainer, ImprovesImagesOutsideOfItsTraining) {
