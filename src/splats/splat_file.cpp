@@ -14,9 +14,9 @@
 namespace cairn {
 namespace {
 
-[[noreturn]] void unknown(const std::filesystem::path& file) {
+[[noreturn]] void unknown(const std::filesystem::path& file, const std::string& known) {
   throw std::runtime_error(file.string() + ": '" + file.extension().string() +
-                           "' is not a supported format of splats; use .ply or .spz");
+                           "' is not a supported format of splats; use " + known);
 }
 
 /// Throws std::runtime_error for a splat that cannot be rendered.
@@ -37,13 +37,15 @@ void write_splats(const std::filesystem::path& file, const Splats& splats) {
     write_splat_ply(file, splats);
   else if (extension == ".spz")
     write_whole(file, spz_of(splats));
+  else if (extension == ".glb")
+    write_whole(file, splat_glb_of(splats));
   else
-    unknown(file);
+    unknown(file, ".ply, .spz or .glb");
 }
 
 Splats read_splats(const std::filesystem::path& file) {
   const std::string extension = extension_of(file);
-  if (extension != ".ply" && extension != ".spz") unknown(file);
+  if (extension != ".ply" && extension != ".spz") unknown(file, ".ply or .spz");
   try {
     const std::vector<std::uint8_t> bytes = read_whole(file, kAnySize);
     Splats splats = extension == ".spz" ? read_spz(bytes) : read_splat_ply(bytes);

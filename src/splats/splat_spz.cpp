@@ -28,8 +28,6 @@ constexpr std::uint32_t kComponentMask = 511, kSignBit = 512;  // of the smalles
 constexpr int kComponentBits = 10;
 constexpr float kMinOpacity = 1 / 255.0f;  // and its complement: finite logits
 
-/// Signs of harmonics and quaternions (w, x, y, z) after a rotation by 180 degrees about x.
-constexpr std::array<float, 15> kHarmonicSigns = {-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
 const Eigen::Vector3f kAxisSigns(1, -1, -1);
 
 struct Header {
@@ -74,8 +72,7 @@ void put_little_endian(std::string& bytes, std::uint32_t value, int count) {
 
 /// Index x, y, z, w of the largest component in the upper two bits; sign and 9 bits of each other component.
 std::uint32_t pack_rotation(const Eigen::Vector4f& wxyz) {
-  Eigen::Vector4f q(wxyz[1], -wxyz[2], -wxyz[3], wxyz[0]);
-  q = q.norm() > 0 ? q.normalized().eval() : Eigen::Vector4f::UnitW().eval();
+  Eigen::Vector4f q = y_up_rotation(wxyz);
   Eigen::Index largest = 0;
   q.cwiseAbs().maxCoeff(&largest);
   if (q[largest] < 0) q = -q;
@@ -163,7 +160,7 @@ std::string spz_of(const Splats& splats) {
     const std::size_t k = i % harmonics;
     for (const float value : splats.harmonics[i])
       bytes.push_back(static_cast<char>(
-          pack_harmonic(kHarmonicSigns[k] * value, k < harmonics_per_splat(1) ? kFirstBandStep : kOtherBandsStep)));
+          pack_harmonic(kYUpHarmonicSigns[k] * value, k < harmonics_per_splat(1) ? kFirstBandStep : kOtherBandsStep)));
   }
   return gzip(bytes);
 }
@@ -201,7 +198,8 @@ Splats read_spz(std::span<const std::uint8_t> file) {
                                                              : unpack_rotation(little_endian_uint32(
                                                                    std::span<const std::uint8_t, 4>(rotation, 4))));
     for (std::size_t k = 0; k < harmonics; ++k)
-      splats.harmonics.emplace_back(kHarmonicSigns[k] * (vector(at.harmonics, i * harmonics + k).array() - 128) / 128);
+      splats.harmonics.emplace_back(kYUpHarmonicSigns[k] * (vector(at.harmonics, i * harmonics + k).array() - 128) /
+                                    128);
   }
   return splats;
 }

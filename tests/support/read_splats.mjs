@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // Prints the splats of a file as JSON, one object per splat, in the axes right, down, forward: .spz read by the format's
-// reference library, .ply by three.js.
+// reference library, .ply and .glb by three.js.
 import { readFile } from 'node:fs/promises';
 import createSpz from '@adobe/spz';
+import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { PLYLoader } from 'three/addons/loaders/PLYLoader.js';
 
 async function readSpz(bytes) {
@@ -43,6 +44,32 @@ function readPly(bytes) {
   });
 }
 
+/** Points with attributes of KHR_gaussian_splatting; their axes are right, up, back. */
+async function readGlb(bytes) {
+  const gltf = await new GLTFLoader().parseAsync(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength), '');
+  const { extensions, attributes: names, mode } = gltf.parser.json.meshes[0].primitives[0];
+  if (mode !== 0 || extensions.KHR_gaussian_splatting.kernel !== 'ellipse' || extensions.KHR_gaussian_splatting.colorSpace !== 'srgb_rec709_display')
+    throw new Error('not Gaussian splats');
+  let points;
+  gltf.scene.traverse((node) => { if (node.isPoints) points = node.geometry.attributes; });
+  const at = (name, i) => {
+    const { array, itemSize } = points[`khr_gaussian_splatting:${name}`];
+    return [...array.slice(itemSize * i, itemSize * (i + 1))];
+  };
+  const harmonics = [1, 2, 3].flatMap((degree) => Array.from({ length: 2 * degree + 1 }, (_, n) => `SH_DEGREE_${degree}_COEF_${n}`))
+      .filter((name) => `KHR_gaussian_splatting:${name}` in names).map((name) => name.toLowerCase());
+  const turned = [-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1];  // signs of harmonics after the rotation about x
+  return Array.from({ length: points.position.count }, (_, i) => {
+    const [x, y, z, w] = at('rotation', i), [opacity] = at('opacity', i);
+    return {
+      position: [points.position.getX(i), -points.position.getY(i), -points.position.getZ(i)], log_scale: at('scale', i).map(Math.log),
+      rotation: [w, x, -y, -z], opacity: Math.log(opacity / (1 - opacity)), color: at('sh_degree_0_coef_0', i),
+      harmonics: harmonics.flatMap((name, k) => at(name, i).map((value) => turned[k] * value)),
+    };
+  });
+}
+
 const file = process.argv[2];
+const readers = { '.spz': readSpz, '.ply': readPly, '.glb': readGlb };
 const bytes = new Uint8Array(await readFile(file));
-console.log(JSON.stringify(await (file.endsWith('.spz') ? readSpz : readPly)(bytes)));
+console.log(JSON.stringify(await readers[file.slice(-4)](bytes)));

@@ -30,12 +30,13 @@ struct Splats {
 }
 
 /// Writes splats. The extension selects the format: .ply (that of the paper's program, in the world frame: x right, y
-/// down, z forward) or .spz (Niantic's, version 3, quantized: positions to 1/4096 m within 2 km, scales to 3 %; x
-/// right, y up, z back, as glTF). Atomic. Throws std::runtime_error for an unknown extension or an unwritable path.
+/// down, z forward), .spz (Niantic's, version 3, quantized: positions to 1/4096 m within 2 km, scales to 3 %) or .glb
+/// (glTF with KHR_gaussian_splatting, floats), both with x right, y up, z back. Atomic. Throws std::runtime_error for
+/// an unknown extension or an unwritable path.
 void write_splats(const std::filesystem::path& file, const Splats& splats);
 
-/// Reads a file of write_splats or of another program. Throws std::runtime_error with the reason for a file that is
-/// missing, damaged, or without splats.
+/// Reads a .ply or .spz file of write_splats or of another program. Throws std::runtime_error with the reason for a
+/// file that is missing, damaged, or without splats.
 [[nodiscard]] Splats read_splats(const std::filesystem::path& file);
 
 /// True if a file is one of splats, by its extension and the properties in its header; false if it cannot be read.

@@ -2,8 +2,10 @@
 // SPDX-FileCopyrightText: The Cairn developers
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -142,7 +144,7 @@ TEST_P(SplatFileOfDegree, SpzReadsBackWithinItsQuantization) {
 TEST_P(SplatFileOfDegree, OtherProgramsReadTheSameSplats) {
   const TemporaryFolder folder;
   const Splats splats = quantizable(GetParam());
-  for (const char* name : {"x.ply", "x.spz"}) {
+  for (const char* name : {"x.ply", "x.spz", "x.glb"}) {
     SCOPED_TRACE(name);
     write_splats(folder / name, splats);
     expect_within_quantization(read_by_others(folder / name), splats);
@@ -178,6 +180,35 @@ TEST(SplatFile, RejectsDamagedFilesWithTheReason) {
   write(file, changed);
   EXPECT_NE(read_error(file).find("cut off"), std::string::npos);
   EXPECT_NE(read_error(folder / "x.glb").find("'.glb' is not a supported format of splats"), std::string::npos);
+}
+
+TEST(SplatFile, WritesGltfWithColorsForViewersWithoutTheExtension) {
+  const TemporaryFolder folder;
+  Splats splats = random_splats(1);
+  splats.colors[0] = Eigen::Vector3f(0.5f, 0, -5) / 0.28209479f;  // sRGB 1, 0.5, 0
+  splats.opacities[0] = 0;
+  write_splats(folder / "x.glb", splats);
+  const std::string bytes = bytes_of(folder / "x.glb");
+  const auto word = [&](std::size_t at) {
+    std::uint32_t value = 0;
+    std::memcpy(&value, bytes.data() + at, 4);
+    return value;
+  };
+  ASSERT_EQ(bytes.substr(0, 4), "glTF");
+  EXPECT_EQ(word(8), bytes.size());
+  EXPECT_EQ(word(12) % 4, 0);
+  const auto json = nlohmann::json::parse(bytes.substr(20, word(12)));
+  EXPECT_EQ(json["extensionsUsed"], nlohmann::json::array({"KHR_gaussian_splatting"}));
+  const std::size_t attribute = json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"];
+  const std::size_t view = json["accessors"].at(attribute)["bufferView"];
+  const std::size_t at = 28 + word(12) + json["bufferViews"].at(view)["byteOffset"].get<std::size_t>();
+  std::array<std::uint16_t, 4> color{};
+  std::memcpy(color.data(), bytes.data() + at, sizeof(color));
+  EXPECT_EQ(color[0], 65535);
+  EXPECT_NEAR(color[1], 0.2140 * 65535, 5);  // linear
+  EXPECT_EQ(color[2], 0);
+  EXPECT_NEAR(color[3], 32768, 1);
+  EXPECT_FALSE(has_splats(folder / "x.glb"));  // not read
 }
 
 TEST(SplatFile, SpzHoldsMapsOfKilometers) {
