@@ -253,6 +253,7 @@ void Outputs::remove_old(const Mapper& mapper, bool has_graph) const {
       std::filesystem::remove(output_ / name);
   if (!has_graph)
     for (const char* name : {"graph.g2o", "graph.svg"}) std::filesystem::remove(output_ / name);
+  for (const char* name : {"splats.spz", "splats.ply"}) std::filesystem::remove(output_ / name);
   for (int i = mapper.recordings() - 1; std::filesystem::remove(output_ / name_of_trajectory(i)); ++i) continue;
 }
 

@@ -409,7 +409,17 @@ std::function<std::string()> Run::exit_message() const {
   };
 }
 
-Verdict Run::finish(const nlohmann::json& more) {
+void Run::add_files(const MoreFiles& more_files, nlohmann::json& report) {
+  try {
+    Map map = mapper_->map();
+    report.update(more_files(map));
+  } catch (const std::exception& error) {
+    warn(error.what());
+  }
+  report["warnings"] = warnings_;
+}
+
+Verdict Run::finish(const nlohmann::json& more, const MoreFiles& more_files) {
   const FrameLog& frames = progressed_.frames;
   const int total = frames.size();
   const std::string& sequence = arguments_.sequence;
@@ -447,9 +457,16 @@ Verdict Run::finish(const nlohmann::json& more) {
   for (const auto& [stage, ms] : stages_)
     report["stages"][stage] = {
         {"count", ms.count()}, {"median_ms", ms.percentile(0.5)}, {"max_ms", ms.max()}, {"total_ms", ms.total()}};
-  nlohmann::json full_report = report;
-  full_report["per_frame"] = frames.kept();
-  outputs.write_report(full_report);
+  const auto write_report = [&] {
+    nlohmann::json full_report = report;
+    full_report["per_frame"] = frames.kept();
+    outputs.write_report(full_report);
+  };
+  write_report();
+  if (more_files) {
+    add_files(more_files, report);
+    write_report();
+  }
   outputs.expect_all();
   if (arguments_.json) fmt::print("{}\n", format_json(report, 2));
   print_summary(report, verdict);

@@ -148,14 +148,19 @@ class Run {
   /// Returns a function for the message at an immediate end by the user, reflecting the state when called. The function
   /// may outlive this object.
   [[nodiscard]] std::function<std::string()> exit_message() const;
-  /// Writes all files, with `more` merged into report.json and report.html, and prints a summary. Throws
-  /// std::runtime_error if no frame was usable, or listing the files that could not be written.
-  [[nodiscard]] Verdict finish(const nlohmann::json& more = {});
+  /// Files made from the written map; returns their entries for report.json.
+  using MoreFiles = std::function<nlohmann::json(Map& map)>;
+  /// Writes all files, with `more` merged into report.json and report.html, then `more_files`, whose failure is a
+  /// warning, and prints a summary. Throws std::runtime_error if no frame was usable, or listing the files that could
+  /// not be written.
+  [[nodiscard]] Verdict finish(const nlohmann::json& more = {}, const MoreFiles& more_files = {});
 
  private:
   using Clock = std::chrono::steady_clock;
   void create_map();
   [[nodiscard]] Verdict judge(int components) const;
+  /// Writes `more_files` and adds their entries to the report.
+  void add_files(const MoreFiles& more_files, nlohmann::json& report);
   /// Compares the written map with the frames it was made from.
   void compare_with_frames();
   /// Adds the options, the frames, the verdict and the checks of this run to report.json.

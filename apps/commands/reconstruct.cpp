@@ -1,22 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <optional>
 #include <thread>
 #include <utility>
 
+#include "base/quoted.hpp"
 #include "cairn/eval/pose_check.hpp"
 #include "cairn/io/layouts.hpp"
 #include "cli/commands.hpp"
 #include "cli/final_stages.hpp"
 #include "cli/interrupt.hpp"
+#include "cli/open_with_cameras.hpp"
 #include "cli/progress.hpp"
 #include "cli/quantity.hpp"
 #include "cli/quiet.hpp"
 #include "cli/run.hpp"
 #include "cli/run_view.hpp"
 #include "cli/sources.hpp"
+#include "cli/splat_training.hpp"
 
 namespace cairn::apps {
 namespace {
@@ -25,6 +30,8 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kPollInterval = std::chrono::milliseconds(50);  // of the page's commands during a pause
+constexpr double kMaxSplatSeconds = 1e6;
+constexpr int kUnlimitedIterations = 10'000'000;
 constexpr double kGuessDrift = 3;  // times the drift of visual-inertial odometry, for wheel slip
 
 struct Arguments : RunArguments {
@@ -32,6 +39,7 @@ struct Arguments : RunArguments {
   std::string frames;
   std::optional<std::string> poses_convention;
   int read_ahead = 4;
+  double splat_seconds = 0;  // 0: no splats
   FinalStages stages;
   RunViewArguments view;
 };
@@ -127,6 +135,29 @@ nlohmann::json improve(const Arguments& a, const RunProgress& progressed, const 
   return improve(a.stages, again.get(), progressed.judges, run, interrupt, view);
 }
 
+/// Trains OUT/splats.spz from the recording, or from the keyframes if it cannot be read again as it was. Returns the
+/// entry of report.json.
+nlohmann::json add_splats(const Arguments& a, Map& map, Run& run, Interrupt& interrupt) {
+  const fs::path file = a.output / "splats.spz";
+  const std::string remedy = fmt::format("; train them with: cairn splat {} -o {}", quoted(a.output), quoted(file));
+  if (interrupt.requested()) throw std::runtime_error("interrupted before the splats" + remedy);
+  interrupt.set_message(kWritingSplats);
+  SplatOptions options{
+      .iterations = kUnlimitedIterations, .max_seconds = a.splat_seconds, .mesh = a.output / "mesh.glb"};
+  OpenRecording open;
+  if (!is_sensor(a.sequence) && a.topics.empty())
+    open = [&] { return read_ahead(open_with_cameras(a.sequence, a.output / kMapCamera)); };
+  try {
+    std::optional<TrainedSplats> trained;
+    run.timed("splats", [&] { trained = train_and_write(map, options, open, file, interrupt); });
+    if (!a.json) print(*trained, file, open ? "frames" : "keyframes");
+    interrupt.set_message(kWriting);
+    return {{"splats", to_json(*trained, file)}};
+  } catch (const std::exception& error) {
+    throw std::runtime_error(fmt::format("no splats: {}{}", error.what(), remedy));
+  }
+}
+
 void reconstruct(const Arguments& requested) {
   const Inputs inputs = inputs_of(requested)
                             .add_recording(requested.poses.string())
@@ -165,7 +196,9 @@ void reconstruct(const Arguments& requested) {
   if (const auto why = source->ended_early()) run.warn(*why);
   if (a.hold_out && !run.stopped() && run.held_out() == 0)
     run.warn(fmt::format("--hold-out {}: no frame was held out: give a smaller number", *a.hold_out));
-  const Verdict verdict = run.finish(results);
+  Run::MoreFiles splats;
+  if (a.splat_seconds > 0) splats = [&](Map& map) { return add_splats(a, map, run, *interrupt); };
+  const Verdict verdict = run.finish(results, splats);
   const bool is_interrupted = interrupt->requested();
   exit_message.reset();
   interrupt.reset();
@@ -242,6 +275,10 @@ void add_reconstruct(CLI::App& program) {
                  "Write only the session, the trajectory and report.json: for a segment of a project")
       ->excludes(poses)
       ->excludes("--view");
+  add_number(*command, "--splat", a->splat_seconds, {1, kMaxSplatSeconds}, Unit::seconds,
+             "Train Gaussian splats for this time after the run: OUT/splats.spz [none]")
+      ->excludes(poses)
+      ->excludes("--no-mesh");
   add_stages(*command, a, poses);
   command->callback([a] { reconstruct(*a); });
 }

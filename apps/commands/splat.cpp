@@ -4,23 +4,19 @@
 
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
-#include <optional>
 
 #include "base/file_name.hpp"
-#include "cairn/mapping/splat_training.hpp"
+#include "cairn/mapping/viewer.hpp"
 #include "cli/command_tree.hpp"
 #include "cli/commands.hpp"
-#include "cli/console.hpp"
 #include "cli/inputs_and_outputs.hpp"
 #include "cli/interrupt.hpp"
 #include "cli/json_text.hpp"
 #include "cli/open_with_cameras.hpp"
 #include "cli/output_folder.hpp"
-#include "cli/progress.hpp"
 #include "cli/quantity.hpp"
 #include "cli/sources.hpp"
-#include "cli/view_error.hpp"
+#include "cli/splat_training.hpp"
 #include "options/option_ranges.hpp"
 
 namespace cairn::apps {
@@ -36,53 +32,10 @@ struct Arguments {
   bool json = false;
 };
 
-nlohmann::json to_json(const TrainedSplats& trained, const fs::path& file) {
-  const SplatReport& report = trained.report;
-  nlohmann::json json{{"splats", trained.splats.size()}, {"degree", trained.splats.degree},
-                      {"iterations", report.iterations}, {"images", report.images},
-                      {"seconds", report.seconds},       {"psnr_db", report.psnr},
-                      {"bytes", fs::file_size(file)}};
-  if (report.held_out) json["held_out"] = view_error_json(*report.held_out);
-  if (report.mesh) json["mesh"] = view_error_json(*report.mesh);
-  return json;
-}
-
-void print_error(const char* name, const ViewError& e) {
-  print_result("{:<9} PSNR {:.2f} dB, {:.2f} dB after a gain per image, over {:.1f} % of their pixels\n", name, e.psnr,
-               e.psnr_with_gain, 100 * e.covered);
-}
-
-void print(const TrainedSplats& trained, const fs::path& file, const char* images) {
-  const SplatReport& report = trained.report;
-  print_result("{}  {}, {} splats after {} iterations in {:.1f} s\n", file.string(), format_size(fs::file_size(file)),
-               format_count(trained.splats.size()), report.iterations, report.seconds);
-  print_result("images    {} {}, PSNR {:.2f} dB at the size of training\n", report.images, images, report.psnr);
-  if (!report.held_out) return;
-  print_result("held out  {} other {}, at full size:\n", report.held_out->frames, images);
-  print_error("splats", *report.held_out);
-  if (report.mesh) print_error("mesh", *report.mesh);
-}
-
-/// Shows the training as a fraction of its iterations or its time, whichever is larger.
-SplatStep show_progress(Progress& progress, const SplatOptions& options, Interrupt& interrupt) {
-  return [&](const SplatProgress& p) {
-    constexpr int kParts = 1000;
-    if (p.iterations == 0) {
-      progress.step(0, kParts, "preparing the images");
-    } else {
-      interrupt.allow_graceful_exit();
-      const double share = std::max(static_cast<double>(p.iteration) / p.iterations,
-                                    options.max_seconds > 0 ? std::min(1.0, p.seconds / options.max_seconds) : 0.0);
-      progress.step(static_cast<int>(kParts * share), kParts,
-                    fmt::format("{} splats, PSNR {:.1f} dB", format_count(p.splats), p.psnr));
-    }
-    return !interrupt.requested();
-  };
-}
-
 void train(Arguments a) {
-  if (const std::string extension = extension_of(a.output); extension != ".ply" && extension != ".spz")
-    throw CLI::ValidationError("--output", a.output.string() + ": is not X.ply or X.spz, the formats of splats");
+  if (const std::string extension = extension_of(a.output);
+      extension != ".ply" && extension != ".spz" && extension != ".glb")
+    throw CLI::ValidationError("--output", a.output.string() + ": is not X.spz, X.ply or X.glb, the formats of splats");
   if (!fs::is_directory(a.map))
     throw std::runtime_error(a.map.string() +
                              ": has no keyframes, which splats need: give the folder written by reconstruct, live or "
@@ -93,11 +46,10 @@ void train(Arguments a) {
   OpenRecording open;
   if (!a.recording.empty()) open = [&] { return read_ahead(open_with_cameras(a.recording, a.map / kMapCamera)); };
   Map map = Map::open(a.map, a.device);
-  Interrupt interrupt(Interrupt::Graceful::later, "writing the splats so far; interrupt again to end at once");
-  std::optional<Progress> progress(std::in_place, std::nullopt, "");
-  const TrainedSplats trained = train_splats(map, a.options, show_progress(*progress, a.options, interrupt), open);
-  progress.reset();
-  write_splats(a.output, trained.splats);
+  Interrupt interrupt(Interrupt::Graceful::later, kWritingSplats);
+  const TrainedSplats trained = train_and_write(map, a.options, open, a.output, interrupt);
+  if (fs::equivalent(fs::absolute(a.output).parent_path(), a.map) && fs::exists(a.map / "report.html"))
+    write_report_page(a.map);  // which lists the folder's files
   if (a.json)
     fmt::print("{}\n", format_json(to_json(trained, a.output), 2));
   else
@@ -112,7 +64,9 @@ void add_splat(CLI::App& program) {
   command->add_option("MAP", a->map, "Folder written by reconstruct, live or merge")
       ->required()
       ->check(CLI::ExistingPath);
-  command->add_option("-o,--output", a->output, "X.spz, or X.ply without quantization")->required()->type_name(kFile);
+  command->add_option("-o,--output", a->output, "X.spz, or without quantization X.ply or X.glb")
+      ->required()
+      ->type_name(kFile);
   command
       ->add_option("--recording", a->recording,
                    "The map's last recording: train with its sharpest frames, instead of the keyframes")

@@ -55,6 +55,7 @@ function factsOf(report) {
   if (options?.voxel_size) list.push(option(['voxel_size', options.voxel_size]));
   list.push(['Triangles', mesh ? count(mesh.triangles) : 'not written'], ['Keyframes', report.keyframes], ['Loops', report.loops.filter((loop) => loop.inlier).length]);
   if (mesh?.textures) list.push(['Texture', `${mesh.textures === 1 ? '1 image' : `${mesh.textures} images`}, ${Math.round(100 * mesh.textured_share)} % from keyframes`]);
+  if (report.splats) list.push(['Splats', `${count(report.splats.splats)}${report.splats.held_out ? `, PSNR ${report.splats.held_out.psnr_db.toFixed(1)} dB` : ''}`]);
   if (report.upright) list.push(['Upright', report.upright.words ?? kSources[report.upright.source] ?? report.upright.source]);
   else if (report.tilt_degrees != null) list.push(['Tilt against gravity', `${report.tilt_degrees.toFixed(2)}°`]);
   if (report.quality) list.push(['Quality', `${report.quality.requested}: ${report.quality.words}`]);

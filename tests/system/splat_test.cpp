@@ -105,6 +105,55 @@ TEST(Splat, EndsAtItsTimeLimit) {
   EXPECT_FALSE(report.contains("held_out"));
 }
 
+TEST(Splat, ReconstructTrainsThemAfterTheRun) {
+  const TemporaryFolder out;
+  const fs::path map = out / "map";
+  const Ran ran = run_cairn({"reconstruct", room().string(), "-o", map.string(), "--voxel-size", "0.02", "--frames",
+                             "0:40", "--quality", "fast", "--splat", "3s", "--json"});
+  ASSERT_EQ(ran.exit_code, 0) << ran.err;
+  const Splats splats = read_splats(map / "splats.spz");
+  for (const Json& report : {Json::parse(ran.out), Json::parse(read_bytes(map / "report.json"))}) {
+    EXPECT_EQ(report["splats"]["splats"], splats.size());
+    EXPECT_GE(report["splats"]["seconds"], 3);
+    EXPECT_GT(report["splats"]["held_out"]["psnr_db"], 15);
+    EXPECT_GT(report["splats"]["memory_bytes"], 1 << 20);
+  }
+  EXPECT_NE(read_bytes(map / "report.html").find("splats.spz"), std::string::npos);
+  // Splats of an earlier map do not remain beside a new one.
+  const Ran again = run_cairn({"reconstruct", room().string(), "-o", map.string(), "--voxel-size", "0.02", "--frames",
+                               "0:20", "--quality", "fast", "--overwrite"});
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_FALSE(fs::exists(map / "splats.spz"));
+  EXPECT_EQ(read_bytes(map / "report.html").find("splats.spz"), std::string::npos);
+  const Ran later = run_cairn({"splat", map.string(), "-o", (map / "splats.spz").string(), "--iterations", "3",
+                               "--resolution", "0.1", "--hold-out", "0"});
+  ASSERT_EQ(later.exit_code, 0) << later.err;
+  EXPECT_NE(read_bytes(map / "report.html").find("splats.spz"), std::string::npos);
+}
+
+TEST(Splat, InterruptedReconstructWritesItsSplats) {
+  const TemporaryFolder out;
+  Running program({"reconstruct", room().string(), "-o", "map", "--voxel-size", "0.02", "--frames", "0:20", "--quality",
+                   "fast", "--splat", "1h"},
+                  out.path());
+  ASSERT_TRUE(program.wait_until([&] { return program.err().find("splats, PSNR") != std::string::npos; }))
+      << program.err();
+  program.send(SIGINT);
+  const Ran ran = program.end();
+  EXPECT_EQ(ran.exit_code, 0) << ran.err;
+  EXPECT_NE(ran.err.find("writing the splats so far"), std::string::npos) << ran.err;
+  EXPECT_GT(read_splats(out / "map" / "splats.spz").size(), 100);
+  EXPECT_FALSE(Json::parse(read_bytes(out / "map" / "report.json"))["splats"].contains("held_out"));
+}
+
+TEST(Splat, WritesGltf) {
+  const TemporaryFolder out;
+  const Json report = trained(out / "x.glb", {"--iterations", "5", "--max-splats", "2000", "--resolution", "0.1"});
+  EXPECT_GT(report["held_out"]["depth_rmse_m"], 0);
+  EXPECT_LT(report["held_out"]["depth_rmse_m"], 0.05);
+  EXPECT_NE(read_bytes(out / "x.glb").find("KHR_gaussian_splatting"), std::string::npos);
+}
+
 TEST(Splat, RefusesInputsWithTheRemedy) {
   const TemporaryFolder out;
   const auto refused = [&](std::vector<std::string> arguments, int exit_code, const std::string& what) {
@@ -116,7 +165,7 @@ TEST(Splat, RefusesInputsWithTheRemedy) {
   const std::string given =
       shared_map(room(), {"--voxel-size", "0.02", "--frames", "0:20", "--poses", (room() / "groundtruth.txt").string()})
           .string();
-  refused({map, "-o", (out / "x.glb").string()}, 2, "is not X.ply or X.spz");
+  refused({map, "-o", (out / "x.obj").string()}, 2, "is not X.spz, X.ply or X.glb");
   refused({map + "/map.vdb", "-o", file}, 1, "give the folder written by reconstruct");
   refused({given, "-o", file}, 1, "has no keyframes");
   refused({map, "-o", file, "--iterations", "-1"}, 2, "--iterations");
