@@ -148,7 +148,8 @@ TEST(Splat, InterruptedReconstructWritesItsSplats) {
 
 TEST(Splat, WritesGltf) {
   const TemporaryFolder out;
-  const Json report = trained(out / "x.glb", {"--iterations", "5", "--max-splats", "2000", "--resolution", "0.1"});
+  const Json report =
+      trained(out / "x.glb", {"--iterations", "5", "--max-splats", "2000", "--resolution", "0.1", "--hold-out", "5"});
   EXPECT_GT(report["held_out"]["depth_rmse_m"], 0);
   EXPECT_LT(report["held_out"]["depth_rmse_m"], 0.05);
   EXPECT_NE(read_bytes(out / "x.glb").find("KHR_gaussian_splatting"), std::string::npos);
