@@ -99,11 +99,11 @@ export async function isAccessible(page, what) {
   assert.deepEqual(found, [], what);
 }
 
-/** Page that opens exported files of `folder`; see export_page.js. `close()` ends its server. */
-export async function exportPage(open, folder) {
+/** Page that opens exported files of `folder` by a script, which defines `ready` in the window; see export_page.js. `close()` ends its server. */
+export async function exportPage(open, folder, script = 'export_page.js', ready = 'openTiles') {
   const { build } = require('esbuild');
   const bundled = await build({
-    entryPoints: [fileURLToPath(new URL('export_page.js', import.meta.url))], bundle: true, write: false, format: 'esm',
+    entryPoints: [fileURLToPath(new URL(script, import.meta.url))], bundle: true, write: false, format: 'esm',
     nodePaths: [fileURLToPath(new URL('../../support/node_modules', import.meta.url))], logLevel: 'warning',
   });
   const draco = fileURLToPath(new URL('../../support/node_modules/three/examples/jsm/libs/draco/gltf/', import.meta.url));
@@ -120,6 +120,6 @@ export async function exportPage(open, folder) {
   await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
   server.unref();
   const page = await open(`http://127.0.0.1:${server.address().port}/`, { width: 1000, height: 640 });
-  await until(() => page.evaluate(() => Boolean(window.openTiles)));
+  await until(() => page.evaluate((name) => name in window, ready));
   return { page, close: () => server.close() };
 }
