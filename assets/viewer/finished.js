@@ -3,6 +3,7 @@
 // View of a finished map: its mesh, the tools, and the tracking quality.
 import { element, setStatus } from './dom.js';
 import { readFields } from './fields.js';
+import { kPhone } from './layout.js';
 import { loadModel } from './model.js';
 import { fillPanel, framesInWords, kLevels, levelOf } from './panel.js';
 import { readSpz, Splats } from './splats.js';
@@ -10,6 +11,7 @@ import { Tiles } from './tiles.js';
 import { addTools } from './tools.js';
 
 const kPollInterval = 30;  // milliseconds
+const kPhoneSplats = 150_000;  // drawn on a small screen: the most important
 
 function decoded(base64) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
@@ -144,7 +146,7 @@ export async function showFinished(scene, data, fold) {
     }
   }
   if (data.tileset) await showTiles(scene, data, panel);
-  const loadSplats = data.splats && (async () => new Splats(await readSpz(await fetched(data.splats))));
+  const loadSplats = data.splats && (async () => new Splats(await readSpz(await fetched(data.splats), kPhone.matches ? kPhoneSplats : Infinity)));
   if (!isSeen) {
     if (loadSplats && !data.tileset) scene.setSplats(await loadSplats());
     await seen();

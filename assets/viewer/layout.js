@@ -8,7 +8,7 @@ const kMinOpenWidth = 1000;  // minimum window width in pixels for an open panel
 const kStorageKey = 'cairn-panel';
 
 /** Screens with room for a tool's card or the panel, not for both; as in style.css. */
-const kPhone = matchMedia('(max-width: 560px), (max-width: 760px) and (orientation: portrait), (max-height: 560px)');
+export const kPhone = matchMedia('(max-width: 560px), (max-width: 760px) and (orientation: portrait), (max-height: 560px)');
 
 /** Stored state; null if storage is disabled in the browser. */
 function stored() {

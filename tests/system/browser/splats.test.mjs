@@ -2,11 +2,14 @@
 // SPDX-FileCopyrightText: The Cairn developers
 // Gaussian splats beside the mesh of a finished map.
 import assert from 'node:assert/strict';
-import { renameSync, writeFileSync } from 'node:fs';
+import { readFileSync, renameSync, writeFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
 import { join } from 'node:path';
 import test from 'node:test';
+import { fileURLToPath } from 'node:url';
 import { Program, inFolder, isAccessible, pictures, run, timeline, until, withBrowser } from './browser.mjs';
 
+const require = createRequire(new URL('../../support/package.json', import.meta.url));
 const kColumns = 32, kRows = 20;
 const kMaxMeanDifference = 20;  // of 255: blurred splats against the textured mesh
 const kMaxMirroredShare = 0.5;  // of the difference from the mirrored mesh
@@ -36,11 +39,32 @@ async function withMap(open, map, look) {
   }
 }
 
+/** Fails unless a limit leaves a part of the splats, in their order, with more opacity than the others. */
+async function keepsTheMostImportant(file) {
+  const bundled = await require('esbuild').build({
+    entryPoints: [fileURLToPath(new URL('../../../assets/viewer/splats.js', import.meta.url))], bundle: true, write: false, format: 'esm',
+    nodePaths: [fileURLToPath(new URL('../../support/node_modules', import.meta.url))], logLevel: 'warning',
+  });
+  const { readSpz } = await import(`data:text/javascript;base64,${Buffer.from(bundled.outputFiles[0].contents).toString('base64')}`);
+  const all = await readSpz(file), some = await readSpz(file, 500);
+  const stride = all.words.length / all.height / 256, opacity = ({ words, count }) => {
+    const floats = new Float32Array(words.buffer);
+    return Array.from({ length: count }, (_, i) => floats[stride * i + 3]).reduce((sum, value) => sum + value) / count;
+  };
+  assert.equal(some.count, 500);
+  assert.equal(some.degree, all.degree);
+  let from = 0;
+  for (let i = 0; i < some.count; ++i, ++from)
+    while ([0, 1, 2].some((k) => some.positions[3 * i + k] !== all.positions[3 * from + k])) assert.ok(++from < all.count, 'a splat is new');
+  assert.ok(opacity(some) > opacity(all));
+  assert.equal((await readSpz(file, all.count)).count, all.count);
+}
+
 test('splats have the place and the colors of the mesh, and a key shows either', () => inFolder(async (folder) => {
   const out = join(folder, 'map');
   run('reconstruct', 'synthetic:room', '-o', out, '--frames', '0:40', '--voxel-size', '0.02');
   await withBrowser(async (open) => {
-    for (const [name, degree] of [['splats.ply', 1], ['splats.spz', 0]]) {
+    for (const [name, degree] of [['splats.ply', 0], ['splats.spz', 3]]) {
       run('splat', out, '-o', join(out, name), '--iterations', '80', '--max-splats', '20000', '--hold-out', '0', '--degree', degree);
       await withMap(open, out, async (page) => {
         const mesh = await cells(page), button = page.getByRole('button', { name: 'Gaussian splats' });
@@ -59,6 +83,7 @@ test('splats have the place and the colors of the mesh, and a key shows either',
       });
       if (name === 'splats.ply') renameSync(join(out, name), join(folder, name));
     }
+    await keepsTheMostImportant(readFileSync(join(out, 'splats.spz')));
     for (const file of [join(folder, 'splats.ply'), join(out, 'splats.spz')])
       await withMap(open, file, async (page) => {
         assert.equal(await page.locator('#status').textContent(), 'Gaussian splats');
