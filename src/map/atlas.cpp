@@ -212,7 +212,7 @@ GravityEvidence Atlas::gravity_evidence() const {
       sigma = std::min(sigma, gravity->sigma);
     }
   }
-  if (inertial_mount && down.norm() > 0) evidence.inertial = MeasuredGravity{down.normalized(), sigma};
+  if (down.norm() > 0) evidence.inertial = MeasuredGravity{down.normalized(), sigma};
   return evidence;
 }
 
