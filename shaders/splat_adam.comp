@@ -7,7 +7,7 @@
 #include "shaders/splats.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SplatAdamPush push; };
-WORDS(0, ranks);
+WORDS(0, order);
 FLOATS(1, gradients);
 layout(binding = 2, scalar) buffer Model { float model[]; };
 layout(binding = 3, scalar) buffer Means { float means[]; };
@@ -16,10 +16,9 @@ layout(binding = 4, scalar) buffer Squares { float squares[]; };
 const float kBeta1 = 0.9, kBeta2 = 0.999, kEpsilon = 1e-15;
 
 void main() {
-  uint i = gl_GlobalInvocationID.x, plane = gl_GlobalInvocationID.y;
-  if (i >= push.count) return;
-  if (fetch(ranks, int(i)) == kNoSplatRank) return;
-  uint at = plane * push.count + i;
+  uint rank = gl_GlobalInvocationID.x, plane = gl_GlobalInvocationID.y;
+  if (rank >= push.visible) return;
+  uint at = plane * push.count + fetch(order, int(rank));
   float gradient = fetch(gradients, int(at));
   float mean = mix(gradient, means[at], kBeta1), square = mix(gradient * gradient, squares[at], kBeta2);
   means[at] = mean;

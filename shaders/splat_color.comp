@@ -7,7 +7,7 @@
 #include "shaders/splats.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SplatViewPush push; };
-layout(binding = 0, scalar) readonly buffer Ranks { uint ranks[]; };
+WORDS(0, order);
 FLOATS(1, model);
 FLOATS(2, harmonics);
 layout(binding = 3, scalar) buffer Projected { ProjectedSplat projected[]; };
@@ -22,9 +22,9 @@ vec3 harmonic(uint k, uint i) {
 }
 
 void main() {
-  uint i = thread_index();
-  if (i >= push.count) return;
-  if (ranks[i] == kNoSplatRank) return;
+  uint rank = thread_index();
+  if (rank >= push.visible) return;
+  uint i = fetch(order, int(rank));
   vec3 center = -inverse_rotate(push.camera_from_world, push.camera_from_world.t);
   vec3 d = normalize(three(kSplatPosition, i) - center);
   vec3 color = 0.5 + 0.2820947918 * three(kSplatColor, i);

@@ -8,7 +8,7 @@
 #include "shaders/splats.h"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SplatViewPush push; };
-layout(binding = 0, scalar) readonly buffer Ranks { uint ranks[]; };
+WORDS(0, order);
 FLOATS(1, model);
 FLOATS(2, harmonics);
 PAIRS(3, projected);
@@ -38,10 +38,9 @@ void store_harmonic(uint k, uint i, vec3 gradient) {
 }
 
 void main() {
-  uint i = thread_index();
-  if (i >= push.count) return;
-  uint rank = ranks[i];
-  if (rank == kNoSplatRank) return;
+  uint rank = thread_index();
+  if (rank >= push.visible) return;
+  uint i = fetch(order, int(rank));
   int end = int(rank + 1u < push.count ? offsets[rank + 1u] : push.entries) * int(kSplatSlot);
   vec2 of_at = vec2(0.0);
   vec3 of_conic = vec3(0.0), of_color = vec3(0.0);

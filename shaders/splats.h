@@ -35,6 +35,7 @@ struct SplatViewPush {
   Pinhole camera;
   Rigid camera_from_world;
   uint count;      // splats; the stride of the planes of the model
+  uint visible;    // splats of the view
   uint degree;     // of the harmonics
   float low_pass;  // pixels^2, added to the 2D covariance
   uint entries;    // of all tiles
@@ -48,7 +49,8 @@ struct SplatImagePush {
   uint columns, tiles;  // tiles per row, and in total
 };
 struct SplatAdamPush {
-  uint count;  // splats; the stride of the planes
+  uint count;    // splats; the stride of the planes
+  uint visible;  // splats of the view
   float position, scale, rotation, opacity, color;  // step sizes by plane, see kSplatPosition
   float correction1;                                // 1 - beta1^t
   float correction2;                                // 1 - beta2^t

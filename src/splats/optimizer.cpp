@@ -33,6 +33,7 @@ void SplatOptimizer::step(const SplatRasterizer& rasterizer, const SplatRates& r
   ++steps_;
   gpu::Batch batch(device_);
   shader::SplatAdamPush push{.count = model_.count,
+                             .visible = rasterizer.visible(),
                              .position = rates.position,
                              .scale = rates.scale,
                              .rotation = rates.rotation,
@@ -40,13 +41,13 @@ void SplatOptimizer::step(const SplatRasterizer& rasterizer, const SplatRates& r
                              .color = rates.color,
                              .correction1 = static_cast<float>(1 - std::pow(kBeta1, steps_)),
                              .correction2 = static_cast<float>(1 - std::pow(kBeta2, steps_))};
-  adam_(batch, {push.count, shader::kSplatPlanes, 1}, push,
-        {&rasterizer.ranks(), &rasterizer.gradients(), &model_.core, &core_.mean, &core_.square});
+  adam_(batch, {push.visible, shader::kSplatPlanes, 1}, push,
+        {&rasterizer.order(), &rasterizer.gradients(), &model_.core, &core_.mean, &core_.square});
   push.position = push.scale = push.rotation = push.opacity = push.color = rates.harmonics;
   const auto planes = static_cast<std::uint32_t>(3 * harmonics_per_splat(static_cast<int>(model_.degree)));
   adam_(
-      batch, {push.count, planes, 1}, push,
-      {&rasterizer.ranks(), &rasterizer.harmonic_gradients(), &model_.harmonics, &harmonics_.mean, &harmonics_.square});
+      batch, {push.visible, planes, 1}, push,
+      {&rasterizer.order(), &rasterizer.harmonic_gradients(), &model_.harmonics, &harmonics_.mean, &harmonics_.square});
   batch.submit();
 }
 

@@ -93,6 +93,7 @@ shader::SplatViewPush SplatRasterizer::view_push(const SplatModel& model) const 
   return {.camera = shader::pinhole(view_.camera),
           .camera_from_world = shader::rigid(view_.world_from_camera.inverse()),
           .count = model.count,
+          .visible = visible_,
           .degree = model.degree,
           .low_pass = view_.low_pass,
           .entries = entries_};
@@ -133,7 +134,7 @@ void SplatRasterizer::forward(const SplatModel& model, const SplatView& view) {
   visible_ = visible[0];
   entries_ = entries[0];
   reserve_entries(entries_);
-  color_(batch, {model.count, 1, 1}, view_push(model), {&ranks_, &model.core, &model.harmonics, &projected_});
+  color_(batch, {visible_, 1, 1}, view_push(model), {&pairs_.values, &model.core, &model.harmonics, &projected_});
   list_entries_(
       batch, {visible_, 1, 1}, {.count = visible_, .columns = columns_},
       {&pairs_.values, &tiles_of_, &offsets_, &entry_pairs_.keys, &entry_pairs_.values, &owners_, &projected_});
@@ -152,9 +153,9 @@ void SplatRasterizer::backward(const SplatModel& model, const gpu::Buffer& pixel
     batch.fill(*slots, 0, 0, 4 * std::max<std::uint64_t>(1, std::uint64_t{shader::kSplatSlot} * entries_));
   backward_(batch, {tiles_, 1, 1}, image_push(),
             {&projected_, &splats_, &entry_pairs_.values, &ranges_, &image_, &pixels, &slot_shapes_, &slot_colors_});
-  gradient_(batch, {model.count, 1, 1}, view_push(model),
-            {&ranks_, &model.core, &model.harmonics, &projected_, &offsets_, &slot_shapes_, &slot_colors_, &gradients_,
-             &harmonic_gradients_, &motion_});
+  gradient_(batch, {visible_, 1, 1}, view_push(model),
+            {&pairs_.values, &model.core, &model.harmonics, &projected_, &offsets_, &slot_shapes_, &slot_colors_,
+             &gradients_, &harmonic_gradients_, &motion_});
   batch.submit();
 }
 

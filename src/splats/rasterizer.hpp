@@ -41,9 +41,10 @@ class SplatRasterizer {
   [[nodiscard]] const gpu::Buffer& image() const { return image_; }  // shader::kSplatImages planes
   [[nodiscard]] SplatImage download_image();
 
-  [[nodiscard]] std::uint32_t visible() const { return visible_; }  // splats in the last view
-  [[nodiscard]] std::uint32_t entries() const { return entries_; }  // of all its tiles
-  [[nodiscard]] std::uint32_t max_entries() const;                  // limit of the device
+  [[nodiscard]] std::uint32_t visible() const { return visible_; }          // splats in the last view
+  [[nodiscard]] std::uint32_t entries() const { return entries_; }          // of all its tiles
+  [[nodiscard]] std::uint32_t max_entries() const;                          // limit of the device
+  [[nodiscard]] const gpu::Buffer& order() const { return pairs_.values; }  // splat of each rank, nearest first
   /// By splat: its rank by depth in the last view; shader::kNoSplatRank if it is not visible.
   [[nodiscard]] const gpu::Buffer& ranks() const { return ranks_; }
   /// Gradients in the planes of the model, of visible splats only.
