@@ -149,6 +149,25 @@ void add_map_reports(py::module_& m) {
       .def_readonly("inlier_share", &FoundLoop::inlier_share)
       .def_readonly("rmse", &FoundLoop::rmse)
       .def_readonly("inlier", &FoundLoop::inlier, "True if the pose graph keeps it.");
+  py::class_<InertialReport>(m, "InertialReport", "Inertial sensors, as estimated with the tracked motion.")
+      .def_property_readonly(
+          "state", [](const InertialReport& r) { return std::string(cairn::to_string(r.state)); },
+          "'absent', 'untested', 'trusted' or 'contradicted'.")
+      .def_property_readonly(
+          "gyroscope_bias", [](const InertialReport& r) { return to_numpy(r.gyroscope_bias); },
+          "(3,) float64, rad/s, in axes of the depth camera.")
+      .def_property_readonly(
+          "accelerometer_bias", [](const InertialReport& r) { return to_numpy(r.accelerometer_bias); },
+          "(3,) float64, m/s^2, same axes.")
+      .def_property_readonly(
+          "imu_from_camera", [](const InertialReport& r) { return to_numpy(Eigen::Isometry3d(r.imu_from_camera)); },
+          "(4, 4) float64: rotation of the sensor against the rig's axes.")
+      .def_property_readonly(
+          "lever", [](const InertialReport& r) { return to_numpy(r.lever); },
+          "(3,) float64, of the camera from the sensor, m, same axes.")
+      .def_readonly("clock", &InertialReport::clock, "Seconds by which the camera's clock is behind.")
+      .def_readonly("gravity_sigma", &InertialReport::gravity_sigma, "rad")
+      .def("__repr__", [](const InertialReport& r) { return "InertialReport: " + std::string(to_string(r.state)); });
   py::class_<Statistics>(m, "Statistics", "Size and cost of a map, and estimates about the camera.")
       .def_readonly("device", &Statistics::device)
       .def_readonly("device_memory_peak", &Statistics::device_memory_peak, "Bytes.")
@@ -168,6 +187,7 @@ void add_map_reports(py::module_& m) {
           "focal_scale", [](const Statistics& s) { return s.focal.scale; },
           "Focal length with the best fit to the images, relative to the camera's.")
       .def_property_readonly("focal_is_doubtful", [](const Statistics& s) { return s.focal.contradicts(); })
+      .def_readonly("inertial", &Statistics::inertial, "InertialReport.")
       .def_readonly("sigma_median", &Statistics::sigma_median,
                     "Standard deviation of an adjusted map's surface, meters: median; 0: unknown.")
       .def_readonly("sigma_95", &Statistics::sigma_95, "The same, 95th percentile.")
