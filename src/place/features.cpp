@@ -8,7 +8,6 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
-#include <utility>
 
 #include "place/matches.hpp"
 
@@ -71,20 +70,6 @@ std::optional<Pnp> solve(const Matches& matches, const Camera& camera) {
 }
 
 }  // namespace
-
-FutureFeatures ready(Features features) {
-  std::promise<std::shared_ptr<const Features>> promise;
-  promise.set_value(std::make_shared<const Features>(std::move(features)));
-  return promise.get_future().share();
-}
-
-std::shared_ptr<const Features> features_or_none(const FutureFeatures& features) {
-  try {
-    return features.get();
-  } catch (const std::exception&) {  // reported by the owner of the extraction
-    return std::make_shared<const Features>();
-  }
-}
 
 Features extract_features(const std::vector<std::uint32_t>& color, const std::vector<float>& depth,
                           const Camera& camera) {
