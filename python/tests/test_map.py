@@ -290,5 +290,7 @@ def test_splats_are_trained_written_and_read(mapper: cairn.Mapper, here: Path) -
         again = cairn.Splats.read(name)
         np.testing.assert_allclose(again.positions, splats.positions, rtol=0, atol=1.01 * error)
         assert again.degree == splats.degree
-    with pytest.raises(cairn.Error, match="use .ply or .spz"):
-        splats.write("x.glb")
+    splats.write("x.glb")
+    assert Path("x.glb").read_bytes().startswith(b"glTF")
+    with pytest.raises(cairn.Error, match="use .ply, .spz or .glb"):
+        splats.write("x.stl")
