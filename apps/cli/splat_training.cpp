@@ -44,7 +44,7 @@ SplatStep show_progress(Progress& progress, const SplatOptions& options, Interru
 
 TrainedSplats train_and_write(Map& map, const SplatOptions& options, const OpenRecording& open, const fs::path& file,
                               Interrupt& interrupt) {
-  const TrainedSplats trained = [&] {
+  TrainedSplats trained = [&] {
     Progress progress(std::nullopt, "");
     return train_splats(map, options, show_progress(progress, options, interrupt), open);
   }();

@@ -134,6 +134,7 @@ class Model {
   }
   int ring(const std::vector<Point>& points) {
     std::vector<int> corners;
+    corners.reserve(points.size() + 1);
     for (const Point& p : points) corners.push_back(step_.add("IFCCARTESIANPOINT(({:.4f},{:.4f}))", p.x(), p.y()));
     corners.push_back(corners.front());
     return step_.add("IFCPOLYLINE({})", Step::list(corners));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPDX-FileCopyrightText: The Cairn developers
 // LAS 1.4 (ASPRS, specification R15): points of record format 7, with colors.
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <bit>
