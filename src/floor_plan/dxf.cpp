@@ -8,6 +8,7 @@
 #include <cctype>
 #include <limits>
 
+#include "floor_plan/code_points.hpp"
 #include "floor_plan/sheet.hpp"
 
 namespace cairn::plan {
@@ -51,17 +52,9 @@ std::string layer_name(const std::string& name) {
 /// Text in ASCII: other characters as \U+XXXX. `text`: UTF-8.
 std::string ascii(const std::string& text) {
   std::string safe;
-  for (std::size_t i = 0; i < text.size();) {
-    const auto first = static_cast<unsigned char>(text[i++]);
-    if (first < 0x80) {
-      if (first >= ' ') safe += static_cast<char>(first);
-      continue;
-    }
-    std::uint32_t code = first >= 0xf0 ? first & 7U : first >= 0xe0 ? first & 15U : first & 31U;
-    for (; i < text.size() && (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U; ++i)
-      code = code << 6U | (static_cast<unsigned char>(text[i]) & 63U);
-    safe += fmt::format("\\U+{:04X}", code);
-  }
+  for (const char32_t code : code_points(text))
+    safe += code < 0x80 ? std::string(1, static_cast<char>(code))
+                        : fmt::format("\\U+{:04X}", static_cast<std::uint32_t>(code));
   return safe;
 }
 

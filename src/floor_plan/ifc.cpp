@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "floor_plan/code_points.hpp"
 #include "floor_plan/walls.hpp"
 
 namespace cairn::plan {
@@ -32,17 +33,13 @@ std::string global_id(const std::string& of) {
 /// String of STEP: other characters than ASCII as UTF-16 in hexadecimal.
 std::string step_text(const std::string& text) {
   std::string out = "'";
-  for (std::size_t i = 0; i < text.size();) {
-    const auto first = static_cast<unsigned char>(text[i++]);
-    if (first < 0x80) {
-      if (first == '\'' || first == '\\') out += text[i - 1];
-      if (first >= ' ') out += text[i - 1];
-      continue;
-    }
-    std::uint32_t code = first >= 0xf0 ? first & 7U : first >= 0xe0 ? first & 15U : first & 31U;
-    for (; i < text.size() && (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U; ++i)
-      code = code << 6U | (static_cast<unsigned char>(text[i]) & 63U);
-    out += code < 0x10000U ? fmt::format("\\X2\\{:04X}\\X0\\", code) : fmt::format("\\X4\\{:08X}\\X0\\", code);
+  for (const char32_t code : code_points(text)) {
+    const auto number = static_cast<std::uint32_t>(code);
+    if (code == '\'' || code == '\\') out += static_cast<char>(code);  // doubled
+    if (code < 0x80)
+      out += static_cast<char>(code);
+    else
+      out += number < 0x10000U ? fmt::format("\\X2\\{:04X}\\X0\\", number) : fmt::format("\\X4\\{:08X}\\X0\\", number);
   }
   return out + "'";
 }
